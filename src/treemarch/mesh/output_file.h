@@ -1,0 +1,35 @@
+/// \file
+/// Output that is whole or absent: written beside its final place, then renamed.
+#pragma once
+
+#include <cstddef>
+#include <cstdio>
+#include <string>
+#include <string_view>
+
+namespace treemarch {
+
+/// A file that appears under its name only after commit(). Destroyed before that, it leaves nothing behind.
+class OutputFile {
+ public:
+  /// \throw Error(output) if the file exists and `overwrite` is false, or if its folder cannot be written.
+  OutputFile(std::string path, bool overwrite);
+  ~OutputFile();
+  OutputFile(const OutputFile&) = delete;
+  OutputFile& operator=(const OutputFile&) = delete;
+
+  /// \throw Error(output), for instance when the disk is full.
+  void write(const void* data, std::size_t bytes);
+  void write(std::string_view text) { write(text.data(), text.size()); }
+  /// Flushes and renames. \throw Error(output)
+  void commit();
+  /// The name to give to a library that writes the file itself; commit() afterwards.
+  [[nodiscard]] const std::string& temporary_path() const { return temporary_; }
+
+ private:
+  [[noreturn]] void fail(const char* what) const;
+  std::string path_, temporary_;
+  std::FILE* file_ = nullptr;
+};
+
+}  // namespace treemarch
