@@ -10,45 +10,46 @@
 namespace treemarch {
 
 /// A point or vector of physical (or index) space.
+// A type of its own, not an alias, so that the dimension can be deduced from an argument.
 template <int Dim>
-using Vec = std::array<double, Dim>;
+struct Vec : std::array<double, static_cast<std::size_t>(Dim)> {};
 
 /// Integer coordinates: a voxel, a lattice cell or a lattice vertex. The first axis runs fastest in every array.
 template <int Dim>
-using Coord = std::array<std::int32_t, Dim>;
+struct Coord : std::array<std::int32_t, static_cast<std::size_t>(Dim)> {};
 
-template <std::size_t N>
-constexpr std::array<double, N> operator+(std::array<double, N> a, const std::array<double, N>& b) {
-  for (std::size_t i = 0; i < N; ++i) a[i] += b[i];
+template <int Dim>
+constexpr Vec<Dim> operator+(Vec<Dim> a, const Vec<Dim>& b) {
+  for (int i = 0; i < Dim; ++i) a[i] += b[i];
   return a;
 }
 
-template <std::size_t N>
-constexpr std::array<double, N> operator-(std::array<double, N> a, const std::array<double, N>& b) {
-  for (std::size_t i = 0; i < N; ++i) a[i] -= b[i];
+template <int Dim>
+constexpr Vec<Dim> operator-(Vec<Dim> a, const Vec<Dim>& b) {
+  for (int i = 0; i < Dim; ++i) a[i] -= b[i];
   return a;
 }
 
-template <std::size_t N>
-constexpr std::array<double, N> operator*(double s, std::array<double, N> a) {
-  for (std::size_t i = 0; i < N; ++i) a[i] *= s;
+template <int Dim>
+constexpr Vec<Dim> operator*(double s, Vec<Dim> a) {
+  for (double& x : a) x *= s;
   return a;
 }
 
-template <std::size_t N>
-constexpr double dot(const std::array<double, N>& a, const std::array<double, N>& b) {
+template <int Dim>
+constexpr double dot(const Vec<Dim>& a, const Vec<Dim>& b) {
   double sum = 0;
-  for (std::size_t i = 0; i < N; ++i) sum += a[i] * b[i];
+  for (int i = 0; i < Dim; ++i) sum += a[i] * b[i];
   return sum;
 }
 
-template <std::size_t N>
-constexpr double squared_norm(const std::array<double, N>& a) {
+template <int Dim>
+constexpr double squared_norm(const Vec<Dim>& a) {
   return dot(a, a);
 }
 
-template <std::size_t N>
-double norm(const std::array<double, N>& a) {
+template <int Dim>
+double norm(const Vec<Dim>& a) {
   return std::sqrt(dot(a, a));
 }
 
@@ -57,26 +58,26 @@ constexpr Vec<3> cross(const Vec<3>& a, const Vec<3>& b) {
 }
 
 /// Product of the entries, in 64 bits: the number of cells of a grid of that extent.
-template <class T, std::size_t N>
-constexpr std::int64_t product(const std::array<T, N>& a) {
+template <int Dim>
+constexpr std::int64_t product(const Coord<Dim>& a) {
   std::int64_t p = 1;
-  for (T v : a) p *= static_cast<std::int64_t>(v);
+  for (std::int32_t v : a) p *= v;
   return p;
 }
 
 /// Position of `c` in a dense array of the given extent, first axis fastest.
-template <std::size_t N>
-constexpr std::int64_t linear_index(const std::array<std::int32_t, N>& c, const std::array<std::int32_t, N>& extent) {
+template <int Dim>
+constexpr std::int64_t linear_index(const Coord<Dim>& c, const Coord<Dim>& extent) {
   std::int64_t i = 0;
-  for (std::size_t d = N; d-- > 0;) i = i * extent[d] + c[d];
+  for (int d = Dim; d-- > 0;) i = i * extent[d] + c[d];
   return i;
 }
 
 /// Inverse of linear_index().
-template <std::size_t N>
-constexpr std::array<std::int32_t, N> coord_of(std::int64_t i, const std::array<std::int32_t, N>& extent) {
-  std::array<std::int32_t, N> c{};
-  for (std::size_t d = 0; d < N; ++d) {
+template <int Dim>
+constexpr Coord<Dim> coord_of(std::int64_t i, const Coord<Dim>& extent) {
+  Coord<Dim> c{};
+  for (int d = 0; d < Dim; ++d) {
     c[d] = static_cast<std::int32_t>(i % extent[d]);
     i /= extent[d];
   }
