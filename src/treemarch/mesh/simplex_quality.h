@@ -1,0 +1,81 @@
+/// \file
+/// The measure of a simplex that the default method guarantees: its angles, kept as cosines so that a comparison costs
+/// no inverse function. Angles are dihedral in 3D and those of the triangle in 2D.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "treemarch/core/vec.h"
+
+namespace treemarch {
+
+/// Cosines of the smallest (`high`) and the largest (`low`) angle of one or several simplices. An inverted or flat
+/// simplex has high = 2.
+struct AngleRange {
+  double high = -1, low = 1;
+
+  void merge(const AngleRange& other) {
+    high = std::max(high, other.high);
+    low = std::min(low, other.low);
+  }
+  [[nodiscard]] bool inverted() const { return high > 1; }
+};
+
+namespace detail {
+
+inline AngleRange angles(const Vec<2>& a, const Vec<2>& b, const Vec<2>& c) {
+  const Vec<2> u = b - a, v = c - a, w = c - b;
+  if (!(u[0] * v[1] - u[1] * v[0] > 0)) return {2, -2};
+  const double uu = dot(u, u), vv = dot(v, v), ww = dot(w, w);
+  const double at_a = dot(u, v) / std::sqrt(uu * vv), at_b = -dot(u, w) / std::sqrt(uu * ww),
+               at_c = dot(v, w) / std::sqrt(vv * ww);
+  return {std::max({at_a, at_b, at_c}), std::min({at_a, at_b, at_c})};
+}
+
+inline AngleRange angles(const Vec<3>& p0, const Vec<3>& p1, const Vec<3>& p2, const Vec<3>& p3) {
+  const Vec<3> a = p1 - p0, b = p2 - p0, c = p3 - p0;
+  // Inward normals of the faces opposite to the vertices.
+  const Vec<3> n1 = cross(b, c), n2 = cross(c, a), n3 = cross(a, b);
+  if (!(dot(a, n1) > 0)) return {2, -2};
+  const Vec<3> n0{-n1[0] - n2[0] - n3[0], -n1[1] - n2[1] - n3[1], -n1[2] - n2[2] - n3[2]};
+  const double s0 = 1 / std::sqrt(dot(n0, n0)), s1 = 1 / std::sqrt(dot(n1, n1)), s2 = 1 / std::sqrt(dot(n2, n2)),
+               s3 = 1 / std::sqrt(dot(n3, n3));
+  const double c01 = dot(n0, n1) * s0 * s1, c02 = dot(n0, n2) * s0 * s2, c03 = dot(n0, n3) * s0 * s3,
+               c12 = dot(n1, n2) * s1 * s2, c13 = dot(n1, n3) * s1 * s3, c23 = dot(n2, n3) * s2 * s3;
+  return {-std::min({c01, c02, c03, c12, c13, c23}), -std::max({c01, c02, c03, c12, c13, c23})};
+}
+
+}  // namespace detail
+
+/// Angles of a simplex given by its Dim + 1 points.
+template <int Dim>
+AngleRange angle_range(const std::array<Vec<Dim>, Dim + 1>& p) {
+  if constexpr (Dim == 2)
+    return detail::angles(p[0], p[1], p[2]);
+  else
+    return detail::angles(p[0], p[1], p[2], p[3]);
+}
+
+/// q = min(smallest angle, 0.8 * (180 - largest angle)) in degrees: q >= 20 means no angle below 20 or above 155.
+/// -1 if a simplex is inverted.
+inline double quality(const AngleRange& r) {
+  if (r.inverted()) return -1;
+  constexpr double kDegrees = 180 / std::numbers::pi;
+  return kDegrees * std::min(std::acos(std::clamp(r.high, -1.0, 1.0)), 0.8 * std::acos(std::clamp(-r.low, -1.0, 1.0)));
+}
+
+/// The same measure as a number that needs no inverse function and grows with q: the quality is at least `degrees`
+/// exactly if meets(range, QualityBound(degrees)).
+struct QualityBound {
+  explicit QualityBound(double degrees)
+      : high(std::cos(degrees * std::numbers::pi / 180)), low(-std::cos(degrees / 0.8 * std::numbers::pi / 180)) {}
+  double high, low;
+};
+[[nodiscard]] inline bool meets(const AngleRange& r, const QualityBound& bound) {
+  return r.high <= bound.high && r.low >= bound.low;
+}
+
+}  // namespace treemarch
