@@ -1,0 +1,178 @@
+#include "treemarch/mesh/quality.h"
+
+#include <cmath>
+#include <numbers>
+
+#include "treemarch/core/parallel.h"
+#include "treemarch/mesh/cell_topology.h"
+
+namespace treemarch {
+namespace {
+
+constexpr std::int64_t kBlock = 16384;
+
+/// Angles are compared by their cosines and converted once.
+struct CosineRange {
+  double of_smallest = -1, of_largest = 1;
+  void add(double dot, double squared_lengths) {
+    // Something without extent counts as flat.
+    if (!(squared_lengths > 0)) {
+      of_smallest = 1;
+      of_largest = -1;
+      return;
+    }
+    const double c = dot / std::sqrt(squared_lengths);
+    of_smallest = std::max(of_smallest, c);
+    of_largest = std::min(of_largest, c);
+  }
+  [[nodiscard]] AngleRange degrees() const {
+    constexpr double kDegrees = 180 / std::numbers::pi;
+    return {std::acos(std::min(1.0, of_smallest)) * kDegrees, std::acos(std::max(-1.0, of_largest)) * kDegrees};
+  }
+};
+
+void add_angle(const Vec<2>& u, const Vec<2>& v, CosineRange& range) {
+  range.add(dot(u, v), squared_norm(u) * squared_norm(v));
+}
+
+/// The three dihedral angles at a corner where the edges u, v and w meet.
+void add_corner(const Vec<3>& u, const Vec<3>& v, const Vec<3>& w, CosineRange& range) {
+  const Vec<3> n[3] = {cross(u, v), cross(v, w), cross(w, u)};  // all outwards or all inwards
+  for (int i = 0; i < 3; ++i) {
+    const Vec<3>& a = n[i];
+    const Vec<3>& b = n[(i + 1) % 3];
+    range.add(-dot(a, b), squared_norm(a) * squared_norm(b));
+  }
+}
+
+CosineRange tetrahedron_cosines(const std::array<Vec<3>, 4>& p) {
+  const Vec<3> u = p[1] - p[0], v = p[2] - p[0], w = p[3] - p[0];
+  const Vec<3> n[4] = {cross(v, u), cross(u, w), cross(w, v), cross(p[2] - p[1], p[3] - p[1])};
+  CosineRange range;
+  for (int i = 0; i < 4; ++i)
+    for (int j = 0; j < i; ++j) range.add(-dot(n[i], n[j]), squared_norm(n[i]) * squared_norm(n[j]));
+  return range;
+}
+
+template <int Dim>
+CosineRange cell_cosines(const std::array<Vec<Dim>, 8>& p, CellType type) {
+  if constexpr (Dim == 3)
+    if (type == CellType::tetrahedron) return tetrahedron_cosines({p[0], p[1], p[2], p[3]});
+  CosineRange range;
+  if (type == CellType::triangle) {
+    if constexpr (Dim == 2)
+      for (int i = 0; i < 3; ++i) add_angle(p[(i + 1) % 3] - p[i], p[(i + 2) % 3] - p[i], range);
+    return range;
+  }
+  const CellTopology& shape = topology(type);
+  for (int c = 0; c < shape.corner_count; ++c) {
+    const auto& corner = shape.corners[c];
+    auto edge = [&](int i) { return p[corner[i]] - p[corner[0]]; };
+    if constexpr (Dim == 2)
+      add_angle(edge(1), edge(2), range);
+    else
+      add_corner(edge(1), edge(2), edge(3), range);
+  }
+  return range;
+}
+
+template <int Dim>
+Vec<Dim> turned(const Frame<Dim>& frame, const Vec<Dim>& x) {
+  Vec<Dim> w{};
+  for (int c = 0; c < Dim; ++c) w = w + x[c] * frame.direction[c];
+  return w;
+}
+
+int bin(double degrees) { return std::clamp(static_cast<int>(degrees), 0, 179); }
+
+bool is_worse(const WorstCell& a, const WorstCell& b) {
+  if (a.angles.min != b.angles.min) return a.angles.min < b.angles.min;
+  if (a.type != b.type) return a.type < b.type;
+  return a.cell < b.cell;
+}
+
+void keep_worst(std::vector<WorstCell>& cells, std::size_t count) {
+  std::sort(cells.begin(), cells.end(), is_worse);
+  if (cells.size() > count) cells.resize(count);
+}
+
+MeshQuality joined(MeshQuality a, const MeshQuality& b, std::size_t worst_count) {
+  a.angles.add(b.angles);
+  for (int i = 0; i < 180; ++i) {
+    a.smallest[i] += b.smallest[i];
+    a.largest[i] += b.largest[i];
+  }
+  a.mean_smallest += b.mean_smallest;  // sums, until the end
+  a.worst.insert(a.worst.end(), b.worst.begin(), b.worst.end());
+  keep_worst(a.worst, worst_count);
+  return a;
+}
+
+template <int Dim>
+MeshQuality measure_block(const Mesh<Dim>& mesh, const CellBlock& block, const Frame<Dim>& frame,
+                          std::size_t worst_count, const Execution& execution) {
+  const int corners = vertex_count(block.type);
+  auto measure_range = [&](std::int64_t begin, std::int64_t end) {
+    MeshQuality q;
+    for (std::int64_t c = begin; c < end; ++c) {
+      std::array<Vec<Dim>, 8> p{};
+      for (int i = 0; i < corners; ++i) p[i] = turned(frame, mesh.points[block.cell(c)[i]]);
+      const AngleRange angles = cell_cosines<Dim>(p, block.type).degrees();
+      q.angles.add(angles);
+      ++q.smallest[bin(angles.min)];
+      ++q.largest[bin(angles.max)];
+      q.mean_smallest += angles.min;
+      q.worst.push_back({block.type, c, angles, {}, 0});
+      if (q.worst.size() >= 4 * worst_count + 64) keep_worst(q.worst, worst_count);
+    }
+    keep_worst(q.worst, worst_count);
+    return q;
+  };
+  return parallel_reduce(execution, block.size(), kBlock, MeshQuality{}, measure_range,
+                         [&](MeshQuality a, const MeshQuality& b) { return joined(std::move(a), b, worst_count); });
+}
+
+}  // namespace
+
+AngleRange dihedral_angles(const std::array<Vec<3>, 4>& tetrahedron) {
+  return tetrahedron_cosines(tetrahedron).degrees();
+}
+
+AngleRange triangle_angles(const std::array<Vec<2>, 3>& triangle) {
+  return cell_cosines<2>({triangle[0], triangle[1], triangle[2]}, CellType::triangle).degrees();
+}
+
+template <int Dim>
+AngleRange cell_angles(const Vec<Dim>* points, CellType type, const VertexId* v) {
+  std::array<Vec<Dim>, 8> p{};
+  for (int i = 0; i < vertex_count(type); ++i) p[i] = points[v[i]];
+  return cell_cosines<Dim>(p, type).degrees();
+}
+
+template <int Dim>
+MeshQuality measure_quality(const Mesh<Dim>& mesh, const Frame<Dim>& frame, int worst_count,
+                            const Execution& execution) {
+  MeshQuality quality;
+  const auto count = static_cast<std::size_t>(std::max(0, worst_count));
+  for (const CellBlock& block : mesh.blocks)
+    quality = joined(std::move(quality), measure_block(mesh, block, frame, count, execution), count);
+  if (mesh.cell_count()) quality.mean_smallest /= static_cast<double>(mesh.cell_count());
+  for (WorstCell& w : quality.worst) {
+    const CellBlock& block =
+        *std::find_if(mesh.blocks.begin(), mesh.blocks.end(), [&](const CellBlock& b) { return b.type == w.type; });
+    const int corners = vertex_count(w.type);
+    Vec<Dim> centre{};
+    for (int i = 0; i < corners; ++i) centre = centre + (1.0 / corners) * mesh.points[block.cell(w.cell)[i]];
+    centre = to_world(frame, centre);
+    std::copy(centre.begin(), centre.end(), w.centre.begin());
+    w.label = mesh.labels[block.materials[w.cell]];
+  }
+  return quality;
+}
+
+template AngleRange cell_angles(const Vec<2>*, CellType, const VertexId*);
+template AngleRange cell_angles(const Vec<3>*, CellType, const VertexId*);
+template MeshQuality measure_quality(const Mesh<2>&, const Frame<2>&, int, const Execution&);
+template MeshQuality measure_quality(const Mesh<3>&, const Frame<3>&, int, const Execution&);
+
+}  // namespace treemarch

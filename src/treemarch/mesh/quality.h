@@ -1,0 +1,60 @@
+/// \file
+/// Shape of the cells: dihedral angles in 3D, angles in 2D.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "treemarch/core/execution.h"
+#include "treemarch/image/frame.h"
+#include "treemarch/mesh/mesh.h"
+
+namespace treemarch {
+
+/// Smallest and largest of some angles, in degrees.
+struct AngleRange {
+  double min = 180;
+  double max = 0;
+  void add(const AngleRange& other) {
+    min = std::min(min, other.min);
+    max = std::max(max, other.max);
+  }
+  bool operator==(const AngleRange&) const = default;
+};
+
+/// Dihedral angles of a tetrahedron, whatever its orientation. A flat one has 0 and 180, one with repeated points too.
+[[nodiscard]] AngleRange dihedral_angles(const std::array<Vec<3>, 4>& tetrahedron);
+
+/// Angles of a triangle.
+[[nodiscard]] AngleRange triangle_angles(const std::array<Vec<2>, 3>& triangle);
+
+/// Angles between the sides (2D) or dihedral angles between the facets (3D) of any cell, taken at its corners: exact
+/// where the facets are flat. \pre points[v[i]] exists; dimension(type) == Dim.
+template <int Dim>
+[[nodiscard]] AngleRange cell_angles(const Vec<Dim>* points, CellType type, const VertexId* v);
+
+struct WorstCell {
+  CellType type{};
+  std::int64_t cell = 0;  ///< within the block of its type
+  AngleRange angles;
+  Vec<3> centre{};  ///< mean of its vertices in the world; z = 0 in 2D
+  std::int32_t label = 0;
+};
+
+struct MeshQuality {
+  AngleRange angles;  ///< of all cells; {180, 0} where there are none
+  /// Cells by their smallest and their largest angle, in bins of one degree.
+  std::array<std::int64_t, 180> smallest{}, largest{};
+  double mean_smallest = 0;      ///< mean over the cells of their smallest angle
+  std::vector<WorstCell> worst;  ///< the cells with the smallest angles, worst first
+};
+
+/// True angles, that is those in the world: a sheared frame distorts them.
+/// \param worst_count cells to list in MeshQuality::worst.
+template <int Dim>
+MeshQuality measure_quality(const Mesh<Dim>& mesh, const Frame<Dim>& frame, int worst_count,
+                            const Execution& execution);
+
+}  // namespace treemarch
