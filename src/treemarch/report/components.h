@@ -1,0 +1,23 @@
+/// \file
+/// Connected components of the materials of an image.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "treemarch/image/label_image.h"
+
+namespace treemarch {
+
+/// A set of voxels of one material that are connected over faces.
+struct ImageComponent {
+  MaterialId material = 0;
+  std::int64_t voxels = 0;
+  std::int64_t first_voxel = 0;  ///< its first in scan order
+};
+
+/// All components, by their first voxels. Works on runs along the first axis, in almost linear time.
+template <int Dim>
+std::vector<ImageComponent> image_components(const LabelImage<Dim>& image);
+
+}  // namespace treemarch

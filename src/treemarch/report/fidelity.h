@@ -1,0 +1,46 @@
+/// \file
+/// Whether a mesh is true to its image.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "treemarch/core/execution.h"
+#include "treemarch/image/label_image.h"
+#include "treemarch/mesh/mesh.h"
+
+namespace treemarch {
+
+/// One label in the image and in the mesh.
+struct LabelFidelity {
+  std::int32_t label = 0;
+  std::string name;             ///< empty where the image has none
+  std::int64_t voxels = 0;      ///< in the image
+  std::int64_t cells = 0;       ///< in the mesh
+  double image_volume = 0;      ///< of its voxels, physical
+  double volume = 0;            ///< of its cells, physical
+  double dice = 0;              ///< 2 |A n B| / (|A| + |B|), B: voxels whose centre lies in a cell of the label
+  std::int64_t components = 0;  ///< of the image, connected over the faces of voxels
+  bool is_background = false;   ///< left out of the mesh on purpose when it has no cell
+};
+
+struct Fidelity {
+  std::vector<LabelFidelity> labels;  ///< of the image, by value
+  std::int64_t unknown_cells = 0;     ///< cells with a label that the image lacks
+
+  /// Labels with voxels but without cells, the background apart.
+  [[nodiscard]] std::vector<std::int32_t> lost_labels() const;
+  /// Mean of the Dice coefficients of all labels but the background.
+  [[nodiscard]] double mean_dice() const;
+};
+
+/// Compares a mesh with the image that it was made from (design: a voxel belongs to the cell that contains its centre;
+/// the first cell where several do).
+/// \param background label that may be missing from the mesh.
+/// \pre the points are in the inner frame of the image. Labels are compared by value.
+template <int Dim>
+Fidelity measure_fidelity(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, std::int32_t background,
+                          const Execution& execution);
+
+}  // namespace treemarch

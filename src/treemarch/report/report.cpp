@@ -1,0 +1,102 @@
+#include "treemarch/report/report.h"
+
+#include <sys/resource.h>
+
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+namespace treemarch {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json label_json(const LabelFidelity& l) {
+  return {{"label", l.label},   {"name", l.name},
+          {"voxels", l.voxels}, {"cells", l.cells},
+          {"volume", l.volume}, {"image_volume", l.image_volume},
+          {"dice", l.dice},     {"components_in_image", l.components}};
+}
+
+std::string format(const char* pattern, double a, double b = 0) {
+  char text[160];
+  std::snprintf(text, sizeof text, pattern, a, b);
+  return text;
+}
+
+}  // namespace
+
+const char* version() { return TREEMARCH_VERSION; }
+
+const char* name(CellType type) {
+  constexpr const char* kName[] = {"line", "triangle", "quad", "tetrahedron", "pyramid", "hexahedron", "pentatope"};
+  return kName[static_cast<int>(type)];
+}
+
+std::int64_t peak_memory_bytes() {
+  rusage usage{};
+  ::getrusage(RUSAGE_SELF, &usage);
+  return static_cast<std::int64_t>(usage.ru_maxrss) * 1024;  // Linux counts in kilobytes
+}
+
+template <int Dim>
+void describe_mesh(const Mesh<Dim>& mesh, Report& report) {
+  report.dimension = Dim;
+  report.points = static_cast<std::int64_t>(mesh.points.size());
+  report.cells.clear();
+  for (const CellBlock& b : mesh.blocks)
+    if (b.size() > 0) report.cells.emplace_back(b.type, b.size());
+}
+
+std::string to_json(const Report& report) {
+  Json json;
+  json["version"] = report.version;
+  json["image"] = report.image;
+  json["mesh"] = report.mesh;
+  json["dimension"] = report.dimension;
+  json["options"] = Json::object();
+  for (const auto& [option, value] : report.options) json["options"][option] = value;
+  json["points"] = report.points;
+  json["cells"] = Json::object();
+  for (const auto& [type, count] : report.cells) json["cells"][name(type)] = count;
+  const bool flat = report.dimension == 2;
+  json["quality"] = {{flat ? "min_angle" : "min_dihedral", report.angles.min},
+                     {flat ? "max_angle" : "max_dihedral", report.angles.max}};
+  json["labels"] = Json::array();
+  for (const LabelFidelity& l : report.fidelity.labels) json["labels"].push_back(label_json(l));
+  json["lost_labels"] = report.fidelity.lost_labels();
+  json["dice_mean"] = report.fidelity.mean_dice();
+  json["cells_with_unknown_label"] = report.fidelity.unknown_cells;
+  json["seconds"] = Json::object();
+  json["seconds"]["mesh"] = report.mesh_seconds;
+  for (const Execution::StageTime& s : report.seconds)
+    json["seconds"][s.name] = json["seconds"].value(s.name, 0.0) + s.seconds;  // a stage may run more than once
+  json["peak_memory_bytes"] = report.peak_memory_bytes;
+  json["warnings"] = report.warnings;
+  // Names come from files and may not be valid UTF-8.
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+std::string to_text(const Report& report) {
+  std::string text = std::to_string(report.points) + " points";
+  for (const auto& [type, count] : report.cells) text += ", " + std::to_string(count) + " " + name(type) + " cells";
+  text += format(report.dimension == 2 ? "\nangles %.2f to %.2f degrees" : "\ndihedral angles %.2f to %.2f degrees",
+                 report.angles.min, report.angles.max);
+  std::int64_t materials = 0;
+  for (const LabelFidelity& l : report.fidelity.labels) materials += l.cells > 0;
+  text += "\n";
+  text += std::to_string(materials) + " labels" + format(", mean Dice %.4f", report.fidelity.mean_dice());
+  const auto lost = report.fidelity.lost_labels();
+  text += lost.empty() ? ", none lost" : ", lost:";
+  for (std::size_t i = 0; i < lost.size() && i < 20; ++i) text += " " + std::to_string(lost[i]);
+  if (lost.size() > 20) text += " and " + std::to_string(lost.size() - 20) + " more";
+  if (report.mesh_seconds > 0) {
+    text += format("\nmeshed in %.2f s, %.2f GB at the peak", report.mesh_seconds,
+                   static_cast<double>(report.peak_memory_bytes) / 1e9);
+  }
+  return text + "\n";
+}
+
+template void describe_mesh(const Mesh<2>&, Report&);
+template void describe_mesh(const Mesh<3>&, Report&);
+
+}  // namespace treemarch

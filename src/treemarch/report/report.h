@@ -1,0 +1,66 @@
+/// \file
+/// What a user should know about a mesh: what it is made of, how good it is, what it cost.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "treemarch/core/execution.h"
+#include "treemarch/image/label_image.h"
+#include "treemarch/mesh/mesh.h"
+#include "treemarch/report/fidelity.h"
+
+namespace treemarch {
+
+/// Angles in degrees: dihedral angles in 3D, angles of the cells' corners in 2D. Zero where no cell was measured.
+struct AngleRange {
+  double min = 0;
+  double max = 0;
+};
+
+/// The report of one run.
+struct Report {
+  std::string version;                                       ///< of the library
+  std::string image;                                         ///< file, as given
+  std::string mesh;                                          ///< file, as given
+  int dimension = 0;                                         ///< of the image
+  std::vector<std::pair<std::string, std::string>> options;  ///< those that made the mesh, in the order of the program
+  std::int64_t points = 0;
+  std::vector<std::pair<CellType, std::int64_t>> cells;  ///< number by type, types that occur only
+  AngleRange angles;
+  Fidelity fidelity;
+  std::vector<Execution::StageTime> seconds;  ///< by stage
+  double mesh_seconds = 0;                    ///< from the image in memory to the mesh in memory
+  std::int64_t peak_memory_bytes = 0;         ///< of the whole process so far
+  std::vector<std::string> warnings;
+
+  [[nodiscard]] std::int64_t cell_count() const {
+    std::int64_t n = 0;
+    for (const auto& c : cells) n += c.second;
+    return n;
+  }
+};
+
+/// Version of the library.
+const char* version();
+
+/// Name of a cell type in reports.
+const char* name(CellType type);
+
+/// Largest amount of memory that the process has held, in bytes.
+std::int64_t peak_memory_bytes();
+
+/// Fills what the mesh itself tells: dimension, points, cells.
+template <int Dim>
+void describe_mesh(const Mesh<Dim>& mesh, Report& report);
+
+/// The report as JSON (documented in docs/report.md), indented, with a final newline.
+std::string to_json(const Report& report);
+
+/// The report for people, a few lines; per label only what is out of the ordinary.
+std::string to_text(const Report& report);
+
+}  // namespace treemarch
