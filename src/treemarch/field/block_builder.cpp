@@ -1,0 +1,398 @@
+#include "treemarch/field/block_builder.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace treemarch {
+
+namespace {
+
+constexpr std::uint32_t kNone = 0xffffffffU;
+/// Labels that weigh less at a voxel are left out.
+constexpr std::uint32_t kLeastWeight = Bricks<3>::kOne / 512;
+/// A voxel whose own label does not win by this much is flagged as perhaps too thin (design section 6).
+constexpr std::uint32_t kThinMargin = Bricks<3>::kOne / 10;
+/// At most so many other labels a voxel are kept.
+constexpr std::size_t kMostOthers = 31;
+
+constexpr std::uint32_t weight_of(std::uint32_t word) { return word & 0xffffU; }
+constexpr std::uint32_t make_word(std::uint32_t label, std::uint32_t weight) {
+  return (label << 16) | std::min(weight, 0xffffU);
+}
+
+/// Keeps the largest entries. All that are equal to the first one dropped go with it, so that the choice does not
+/// depend on the numbering of labels.
+void keep_largest(std::vector<std::uint32_t>& words, std::size_t most) {
+  if (words.size() <= most) return;
+  std::vector<std::uint32_t> weights;
+  for (std::uint32_t w : words) weights.push_back(weight_of(w));
+  std::nth_element(weights.begin(), weights.begin() + static_cast<std::ptrdiff_t>(most), weights.end(),
+                   std::greater<>());
+  const std::uint32_t dropped = weights[most];
+  std::erase_if(words, [&](std::uint32_t w) { return weight_of(w) <= dropped; });
+}
+
+}  // namespace
+
+int IndicatorFilter::radius() const { return none() ? 0 : std::max(first.radius(), second.radius()); }
+
+template <int Dim>
+BlockBuilder<Dim>::BlockBuilder(const LabelImage<Dim>& image, const IndicatorFilter& filter, const GreyRule& grey)
+    : image_(image),
+      filter_(filter),
+      grey_(grey),
+      halo_(std::max({filter.radius(), filter.band, grey.values != nullptr ? 1 : 0})),
+      side_(kSide + 2 * halo_),
+      depth_(Dim == 3 ? side_ : 1),
+      place_of_(kVoxels),
+      local_of_(image.labels.size(), kNone),
+      mixed_(kBricks),
+      own_(kVoxels),
+      own_weight_(kVoxels),
+      first_item_(kVoxels + 1),
+      line_(side_),
+      along_x_(static_cast<std::size_t>(kSide) * side_ * depth_),
+      along_y_(static_cast<std::size_t>(kSide) * kSide * depth_),
+      value_(kVoxels),
+      second_value_(kVoxels),
+      foreground_(static_cast<std::size_t>(side_) * depth_) {
+  constexpr int kShift = Bricks<Dim>::kShift;
+  for (int i = 0; i < kVoxels; ++i) {
+    Coord<Dim> voxel{};
+    int rest = i;
+    int brick = 0;
+    for (int d = 0; d < Dim; ++d) {
+      voxel[d] = rest % kSide;
+      rest /= kSide;
+    }
+    for (int d = Dim; d-- > 0;) brick = brick * kBricksPerSide + (voxel[d] >> kShift);
+    place_of_[i] = static_cast<std::uint16_t>(brick * Bricks<Dim>::kVoxels + Bricks<Dim>::place_in_brick(voxel));
+  }
+}
+
+template <int Dim>
+void BlockBuilder<Dim>::add_run(MaterialId material, int x0, int x1, int y, int z) {
+  std::uint32_t& local = local_of_[material];
+  if (local == kNone) {
+    local = static_cast<std::uint32_t>(palette_.size());
+    palette_.push_back(material);
+  }
+  runs_.push_back({local, static_cast<std::int16_t>(x0), static_cast<std::int16_t>(x1), static_cast<std::int16_t>(y),
+                   static_cast<std::int16_t>(z)});
+}
+
+/// Splits a row of the block and its halo into runs; beyond the image its last voxels go on.
+template <int Dim>
+template <class T>
+void BlockBuilder<Dim>::gather_row(const T* row, std::int32_t first, int y, int z) {
+  const std::int32_t begin = std::max(first, 0);
+  const std::int32_t end = std::min(first + side_, image_.extent[0]);
+  std::int32_t from = first;
+  T current = row[begin];
+  for (std::int32_t x = begin + 1; x < end; ++x) {
+    if (row[x] == current) continue;
+    add_run(current, from - first, x - first, y, z);
+    from = x;
+    current = row[x];
+  }
+  add_run(current, from - first, side_, y, z);
+}
+
+template <int Dim>
+void BlockBuilder<Dim>::gather_runs(const Coord<Dim>& block) {
+  for (MaterialId m : palette_) local_of_[m] = kNone;
+  palette_.clear();
+  runs_.clear();
+  Coord<Dim> first{};
+  for (int d = 0; d < Dim; ++d) first[d] = block[d] * kSide - halo_;
+  image_.voxels.visit([&](const auto* voxels) {
+    for (int z = 0; z < depth_; ++z)
+      for (int y = 0; y < side_; ++y) {
+        std::int64_t row = std::clamp(first[1] + y, 0, image_.extent[1] - 1);
+        if constexpr (Dim == 3)
+          row += static_cast<std::int64_t>(std::clamp(first[2] + z, 0, image_.extent[2] - 1)) * image_.extent[1];
+        gather_row(voxels + row * image_.extent[0], first[0], y, z);
+      }
+  });
+}
+
+/// A brick is uniform if it and the band around it have one label.
+template <int Dim>
+bool BlockBuilder<Dim>::find_mixed_bricks() {
+  if (palette_.size() == 1) {
+    std::fill(mixed_.begin(), mixed_.end(), 0);
+    return false;
+  }
+  constexpr int kBrick = Bricks<Dim>::kSide;
+  std::vector<std::uint32_t> alone(static_cast<std::size_t>(side_) * depth_ * kBricksPerSide, kNone);
+  for (const Run& run : runs_)
+    for (int b = 0; b < kBricksPerSide; ++b) {
+      const int low = halo_ + b * kBrick - filter_.band;
+      if (run.x0 <= low && run.x1 >= low + kBrick + 2 * filter_.band)
+        alone[(static_cast<std::size_t>(run.z) * side_ + run.y) * kBricksPerSide + b] = run.label;
+    }
+  const int window = kBrick + 2 * filter_.band;
+  bool any = false;
+  for (int brick = 0; brick < kBricks; ++brick) {
+    const int b = brick % kBricksPerSide;
+    const int y0 = halo_ - filter_.band + brick / kBricksPerSide % kBricksPerSide * kBrick;
+    const int z0 = Dim == 3 ? halo_ - filter_.band + brick / (kBricksPerSide * kBricksPerSide) * kBrick : 0;
+    const std::uint32_t label = alone[(static_cast<std::size_t>(z0) * side_ + y0) * kBricksPerSide + b];
+    bool mixed = label == kNone;
+    for (int z = z0; z < z0 + (Dim == 3 ? window : 1) && !mixed; ++z)
+      for (int y = y0; y < y0 + window && !mixed; ++y)
+        mixed = alone[(static_cast<std::size_t>(z) * side_ + y) * kBricksPerSide + b] != label;
+    mixed_[brick] = mixed;
+    any |= mixed;
+  }
+  return any;
+}
+
+/// Counting sort by label; within a label the order of the rows stays.
+template <int Dim>
+void BlockBuilder<Dim>::sort_runs() {
+  first_run_.assign(palette_.size() + 1, 0);
+  for (const Run& run : runs_) ++first_run_[run.label + 1];
+  for (std::size_t l = 1; l < first_run_.size(); ++l) first_run_[l] += first_run_[l - 1];
+  std::vector<Run> sorted(runs_.size());
+  std::vector<std::uint32_t> next(first_run_.begin(), first_run_.end() - 1);
+  for (const Run& run : runs_) sorted[next[run.label]++] = run;
+  runs_.swap(sorted);
+}
+
+template <int Dim>
+void BlockBuilder<Dim>::fill_own() {
+  const int halo_z = Dim == 3 ? halo_ : 0;
+  for (const Run& run : runs_) {
+    const int y = run.y - halo_;
+    const int z = run.z - halo_z;
+    if (y < 0 || y >= kSide || z < 0 || z >= kDepth) continue;
+    const std::uint16_t* place = place_of_.data() + (z * kSide + y) * kSide;
+    for (int x = std::max(run.x0 - halo_, 0); x < std::min(run.x1 - halo_, kSide); ++x) own_[place[x]] = run.label;
+  }
+  std::fill(own_weight_.begin(), own_weight_.end(), filter_.none() ? Bricks<Dim>::kOne : 0);
+}
+
+/// Convolves the indicator that the runs describe, along each axis in turn. Rows and planes without a voxel of the
+/// label are left zero between calls.
+template <int Dim>
+void BlockBuilder<Dim>::smooth(const Kernel& kernel, const Run* first, const Run* last, std::vector<float>& out) {
+  const int r = kernel.radius();
+  const int z0 = first->z;
+  const int z1 = (last - 1)->z;
+  int y0 = first->y;
+  int y1 = first->y;
+  for (const Run* run = first; run != last;) {
+    const int y = run->y;
+    const int z = run->z;
+    y0 = std::min(y0, y);
+    y1 = std::max(y1, y);
+    std::fill(line_.begin(), line_.end(), 0.0F);
+    for (; run != last && run->y == y && run->z == z; ++run)
+      std::fill(line_.begin() + run->x0, line_.begin() + run->x1, 1.0F);
+    convolve(line_.data() + halo_, &along_x_[(static_cast<std::size_t>(z) * side_ + y) * kSide], kSide, 1, kernel);
+  }
+  constexpr int kPlane = kSide * kSide;
+  const int ya = std::max(0, y0 - halo_ - r);
+  const int yb = std::min(kSide, y1 - halo_ + r + 1);
+  const int n = (yb - ya) * kSide;
+  if (n <= 0) return;
+  float* target = Dim == 3 ? along_y_.data() : out.data();
+  for (int z = z0; z <= z1; ++z)
+    convolve(&along_x_[(static_cast<std::size_t>(z) * side_ + ya + halo_) * kSide], target + z * kPlane + ya * kSide, n,
+             kSide, kernel);
+  if constexpr (Dim == 3) {
+    const int za = std::max(0, z0 - halo_ - r);
+    const int zb = std::min(kSide, z1 - halo_ + r + 1);
+    for (int z = za; z < zb; ++z)
+      convolve(&along_y_[static_cast<std::size_t>(z + halo_) * kPlane + ya * kSide], &out[z * kPlane + ya * kSide], n,
+               kPlane, kernel);
+    for (int z = z0; z <= z1; ++z)
+      std::fill_n(along_y_.begin() + static_cast<std::ptrdiff_t>(z) * kPlane + ya * kSide, n, 0.0F);
+  }
+}
+
+template <int Dim>
+void BlockBuilder<Dim>::smooth_label(std::uint32_t label) {
+  const Run* first = runs_.data() + first_run_[label];
+  const Run* last = runs_.data() + first_run_[label + 1];
+  int y0 = side_;
+  int y1 = 0;
+  for (const Run* run = first; run != last; ++run) {
+    y0 = std::min<int>(y0, run->y);
+    y1 = std::max<int>(y1, run->y);
+  }
+  const int r = filter_.radius();
+  const int ya = std::max(0, y0 - halo_ - r);
+  const int yb = std::min(kSide, y1 - halo_ + r + 1);
+  const int za = Dim == 3 ? std::max(0, first->z - halo_ - r) : 0;
+  const int zb = Dim == 3 ? std::min(kSide, (last - 1)->z - halo_ + r + 1) : 1;
+  if (ya >= yb || za >= zb) return;
+  // The two kernels reach differently far: what only one of them fills must be zero for the other.
+  for (int z = za; z < zb; ++z) {
+    std::fill_n(value_.begin() + (z * kSide + ya) * kSide, (yb - ya) * kSide, 0.0F);
+    std::fill_n(second_value_.begin() + (z * kSide + ya) * kSide, (yb - ya) * kSide, 0.0F);
+  }
+  smooth(filter_.first, first, last, value_);
+  if (!filter_.second.tap.empty()) smooth(filter_.second, first, last, second_value_);
+  for (const Run* run = first; run != last; ++run)
+    std::fill_n(along_x_.begin() + (static_cast<std::ptrdiff_t>(run->z) * side_ + run->y) * kSide, kSide, 0.0F);
+  collect(label, ya, yb, za, zb);
+}
+
+/// Turns the dense values of a label into entries of the voxels of mixed bricks.
+template <int Dim>
+void BlockBuilder<Dim>::collect(std::uint32_t label, int y0, int y1, int z0, int z1) {
+  constexpr float kToUnit = static_cast<float>(Bricks<Dim>::kOne) / (1U << 24);
+  for (int z = z0; z < z1; ++z) {
+    const int begin = (z * kSide + y0) * kSide;
+    const int end = (z * kSide + y1) * kSide;
+    for (int i = begin; i < end; ++i)
+      value_[i] = std::clamp((filter_.scale * value_[i] - second_value_[i]) * kToUnit + 0.5F, 0.0F, 65535.0F);
+    for (int i = begin; i < end; ++i) {
+      const auto weight = static_cast<std::uint32_t>(value_[i]);
+      const std::uint16_t place = place_of_[i];
+      if (own_[place] == label)
+        own_weight_[place] = weight;
+      else if (weight >= kLeastWeight && mixed_[place / Bricks<Dim>::kVoxels])
+        items_.push_back({make_word(label, weight), place});
+    }
+  }
+}
+
+/// Counting sort by place; within a place the order of the labels stays.
+template <int Dim>
+void BlockBuilder<Dim>::sort_items() {
+  std::fill(first_item_.begin(), first_item_.end(), 0);
+  for (const Item& item : items_) ++first_item_[item.place + 1];
+  for (int p = 0; p < kVoxels; ++p) first_item_[p + 1] += first_item_[p];
+  words_.resize(items_.size());
+  std::vector<std::uint32_t> next(first_item_.begin(), first_item_.end() - 1);
+  for (const Item& item : items_) words_[next[item.place]++] = item.word;
+}
+
+/// Whether both foreground and background are among a voxel and its neighbours (over faces, edges and corners).
+template <int Dim>
+bool BlockBuilder<Dim>::near_border_of_foreground(int x, int y, int z) const {
+  const std::uint64_t window = std::uint64_t{7} << (x - 1);
+  bool any = false;
+  bool all = true;
+  for (int dz = Dim == 3 ? -1 : 0; dz <= (Dim == 3 ? 1 : 0); ++dz)
+    for (int dy = -1; dy <= 1; ++dy) {
+      const std::uint64_t bits = foreground_[static_cast<std::size_t>(z + dz) * side_ + y + dy] & window;
+      any |= bits != 0;
+      all &= bits == window;
+    }
+  return any && !all;
+}
+
+/// Scales the weights of the foreground so that its largest meets the background's where the grey value meets the
+/// threshold.
+template <int Dim>
+void BlockBuilder<Dim>::mix_grey(const Coord<Dim>& voxel, std::vector<std::uint32_t>& entries) {
+  std::uint32_t largest = 0;
+  const std::uint32_t background = local_of_[grey_.background];
+  bool has_background = false;
+  for (std::uint32_t word : entries) {
+    if (word >> 16 == background)
+      has_background = true;
+    else
+      largest = std::max(largest, weight_of(word));
+  }
+  if (largest == 0) return;
+  const double value = grey_.values[linear_index(voxel, image_.extent)];
+  const double share = std::clamp(0.5 + grey_.slope * (value - grey_.threshold), 0.0, 1.0);
+  const auto rest = static_cast<std::uint32_t>(std::lround((1 - share) * Bricks<Dim>::kOne));
+  for (std::uint32_t& word : entries) {
+    const double scaled = share * Bricks<Dim>::kOne * weight_of(word) / largest;
+    word = make_word(word >> 16, word >> 16 == background ? rest : static_cast<std::uint32_t>(std::lround(scaled)));
+  }
+  if (!has_background && rest > 0) entries.push_back(make_word(background, rest));
+}
+
+template <int Dim>
+void BlockBuilder<Dim>::write_bricks(const Coord<Dim>& block, std::uint32_t chunk_id, Bricks<Dim>& bricks,
+                                     std::uint64_t* flagged) {
+  constexpr int kShift = Bricks<Dim>::kShift;
+  std::vector<std::uint32_t> chunk(palette_.begin(), palette_.end());
+  std::vector<std::uint32_t> entries;
+  for (int b = 0; b < kBricks; ++b) {
+    Coord<Dim> brick{};
+    bool inside = true;
+    for (int d = 0, rest = b; d < Dim; ++d, rest /= kBricksPerSide) {
+      brick[d] = block[d] * kBricksPerSide + rest % kBricksPerSide;
+      inside &= brick[d] < bricks.brick_extent[d];
+    }
+    if (!inside) continue;
+    const std::int64_t index = linear_index(brick, bricks.brick_extent);
+    const int first = b * Bricks<Dim>::kVoxels;
+    if (!mixed_[b]) {
+      bricks.refs[index] = Bricks<Dim>::kUniform | palette_[own_[first]];
+      continue;
+    }
+    const std::size_t header = chunk.size();
+    bricks.refs[index] = (std::uint64_t{chunk_id} << 32) | header;
+    chunk.resize(header + Bricks<Dim>::kHeaderWords);
+    const std::size_t base = chunk.size();
+    std::uint64_t flags = 0;
+    for (int p = 0; p < Bricks<Dim>::kVoxels; ++p) {
+      Coord<Dim> voxel{};
+      bool in_image = true;
+      for (int d = 0; d < Dim; ++d) {
+        voxel[d] = brick[d] * Bricks<Dim>::kSide + (p >> (d * kShift) & (Bricks<Dim>::kSide - 1));
+        in_image &= voxel[d] < image_.extent[d];
+      }
+      if (in_image) {
+        const int place = first + p;
+        entries.assign(words_.begin() + first_item_[place], words_.begin() + first_item_[place + 1]);
+        keep_largest(entries, kMostOthers);
+        entries.insert(entries.begin(), make_word(own_[place], own_weight_[place]));
+        std::uint32_t margin = kThinMargin;
+        if (grey_.values != nullptr) {
+          Coord<Dim> local{};
+          for (int d = 0; d < Dim; ++d) local[d] = voxel[d] - block[d] * kSide + halo_;
+          if (near_border_of_foreground(local[0], local[1], Dim == 3 ? local[Dim - 1] : 0)) {
+            mix_grey(voxel, entries);
+            margin = 1;
+          }
+        }
+        std::uint32_t best = 0;
+        for (std::size_t i = 1; i < entries.size(); ++i) best = std::max(best, weight_of(entries[i]));
+        if (weight_of(entries[0]) < best + margin) flags |= std::uint64_t{1} << p;
+        chunk.insert(chunk.end(), entries.begin(), entries.end());
+      }
+      // Offsets are 16 bits: 64 voxels of at most 33 entries.
+      chunk[header + (p + 1) / 2] |= static_cast<std::uint32_t>(chunk.size() - base) << (16 * ((p + 1) % 2));
+    }
+    if (flagged != nullptr) flagged[index] = flags;
+  }
+  bricks.chunks[chunk_id].assign(chunk.begin(), chunk.end());
+}
+
+template <int Dim>
+void BlockBuilder<Dim>::build(const Coord<Dim>& block, std::uint32_t chunk_id, Bricks<Dim>& bricks,
+                              std::uint64_t* flagged) {
+  gather_runs(block);
+  const bool any_mixed = find_mixed_bricks();
+  fill_own();
+  items_.clear();
+  if (any_mixed && !filter_.none()) {
+    if (grey_.values != nullptr) {
+      std::fill(foreground_.begin(), foreground_.end(), 0);
+      for (const Run& run : runs_)
+        if (palette_[run.label] != grey_.background)
+          foreground_[static_cast<std::size_t>(run.z) * side_ + run.y] |= ((std::uint64_t{1} << (run.x1 - run.x0)) - 1)
+                                                                          << run.x0;
+    }
+    sort_runs();
+    for (std::uint32_t l = 0; l < palette_.size(); ++l) smooth_label(l);
+  }
+  if (any_mixed) sort_items();
+  if (!any_mixed) first_item_.assign(kVoxels + 1, 0);
+  write_bricks(block, chunk_id, bricks, flagged);
+}
+
+template class BlockBuilder<2>;
+template class BlockBuilder<3>;
+
+}  // namespace treemarch

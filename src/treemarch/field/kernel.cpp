@@ -1,0 +1,74 @@
+#include "treemarch/field/kernel.h"
+
+#include <cmath>
+
+// One clone a vector width; all give the same bits, since every sum is exact. Sanitizers do not get on with the
+// resolvers of clones.
+#if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && defined(__linux__) && \
+    !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#define TREEMARCH_VECTOR_CLONES __attribute__((target_clones("default", "avx2", "avx512f")))
+#else
+#define TREEMARCH_VECTOR_CLONES
+#endif
+
+namespace treemarch {
+
+namespace {
+
+template <int Radius>
+[[gnu::always_inline]] inline void convolve_fixed(const float* __restrict in, float* __restrict out, int n,
+                                                  std::ptrdiff_t stride, const float* tap) {
+  for (int i = 0; i < n; ++i) {
+    float sum = tap[0] * in[i];
+    for (int k = 1; k <= Radius; ++k) sum += tap[k] * (in[i - k * stride] + in[i + k * stride]);
+    out[i] = sum;
+  }
+}
+
+[[gnu::always_inline]] inline void convolve_any(const float* __restrict in, float* __restrict out, int n,
+                                                std::ptrdiff_t stride, const float* tap, int radius) {
+  for (int i = 0; i < n; ++i) out[i] = tap[0] * in[i];
+  for (int k = 1; k <= radius; ++k)
+    for (int i = 0; i < n; ++i) out[i] += tap[k] * (in[i - k * stride] + in[i + k * stride]);
+}
+
+TREEMARCH_VECTOR_CLONES
+void convolve_taps(const float* in, float* out, int n, std::ptrdiff_t stride, const float* tap, int radius) {
+  switch (radius) {
+    case 3:
+      return convolve_fixed<3>(in, out, n, stride, tap);
+    case 4:
+      return convolve_fixed<4>(in, out, n, stride, tap);
+    default:
+      return convolve_any(in, out, n, stride, tap, radius);
+  }
+}
+
+}  // namespace
+
+Kernel gaussian_kernel(double sigma, int sum) {
+  const int radius = static_cast<int>(std::ceil(3 * sigma));
+  std::vector<double> exact(static_cast<std::size_t>(radius) + 1);
+  double total = 0;
+  for (int k = 0; k <= radius; ++k) {
+    exact[k] = std::exp(-0.5 * k * k / (sigma * sigma));
+    total += k == 0 ? exact[k] : 2 * exact[k];
+  }
+  Kernel kernel;
+  kernel.tap.assign(exact.size(), 0.0F);
+  double rest = sum;
+  for (int k = 1; k <= radius; ++k) {
+    const double tap = std::round(sum * exact[k] / total);
+    kernel.tap[k] = static_cast<float>(tap);
+    rest -= 2 * tap;
+  }
+  kernel.tap[0] = static_cast<float>(rest);
+  while (kernel.tap.size() > 1 && kernel.tap.back() == 0) kernel.tap.pop_back();
+  return kernel;
+}
+
+void convolve(const float* in, float* out, int n, std::ptrdiff_t stride, const Kernel& kernel) {
+  convolve_taps(in, out, n, stride, kernel.tap.data(), kernel.radius());
+}
+
+}  // namespace treemarch

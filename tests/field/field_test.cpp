@@ -1,0 +1,153 @@
+#include "treemarch/field/field.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <random>
+
+#include "treemarch/core/error.h"
+
+namespace treemarch {
+namespace {
+
+constexpr FieldKind kAllKinds[] = {FieldKind::linear, FieldKind::bspline3, FieldKind::gauss, FieldKind::dgf,
+                                   FieldKind::solid_angle};
+
+template <int Dim>
+LabelImage<Dim> random_labels(const Coord<Dim>& extent, int labels, int patch, unsigned seed) {
+  // Patches of `patch` voxels a side; patch 1 is noise.
+  std::mt19937 random(seed);
+  Coord<Dim> coarse = extent;
+  for (auto& e : coarse) e = (e + patch - 1) / patch;
+  std::vector<std::int32_t> value(static_cast<std::size_t>(product(coarse)));
+  for (auto& v : value) v = static_cast<std::int32_t>(random() % labels);
+  std::vector<std::int32_t> voxels(static_cast<std::size_t>(product(extent)));
+  for (std::int64_t i = 0; i < product(extent); ++i) {
+    Coord<Dim> c = coord_of(i, extent);
+    for (auto& v : c) v /= patch;
+    voxels[i] = value[linear_index(c, coarse)];
+  }
+  return make_label_image(extent, voxels);
+}
+
+template <int Dim>
+std::vector<Vec<Dim>> random_points(const LabelImage<Dim>& image, int count, unsigned seed) {
+  std::mt19937 random(seed);
+  std::vector<Vec<Dim>> points(count);
+  for (int i = 0; i < count; ++i)
+    for (int d = 0; d < Dim; ++d) {
+      // A third at multiples of 1/4 voxel, where lattice vertices are; some beyond the box.
+      const double u = (random() % 10000) * 1e-4 * (image.extent[d] + 2) - 1;
+      points[i][d] = (i % 3 == 0 ? std::round(4 * u) / 4 : u) * image.frame.spacing[d];
+    }
+  return points;
+}
+
+template <int Dim>
+Field<Dim> field_of(const LabelImage<Dim>& image, FieldKind kind, int threads = 2) {
+  Execution execution(threads);
+  FieldOptions options;
+  options.kind = kind;
+  return build_field(image, options, execution);
+}
+
+std::vector<LabelWeight> entries_at(const auto& field, const auto& x) {
+  std::array<LabelWeight, 256> out;
+  const int n = field.sample(x, out);
+  return {out.begin(), out.begin() + n};
+}
+
+template <class T>
+class FieldTest : public testing::Test {};
+template <int D>
+struct Dimension {
+  static constexpr int value = D;
+};
+using Dimensions = testing::Types<Dimension<2>, Dimension<3>>;
+TYPED_TEST_SUITE(FieldTest, Dimensions);
+
+template <int Dim>
+Coord<Dim> box(std::array<std::int32_t, 3> sides) {
+  Coord<Dim> c{};
+  for (int d = 0; d < Dim; ++d) c[d] = sides[d];
+  return c;
+}
+
+TYPED_TEST(FieldTest, OneLabelWeighsOneEverywhere) {
+  constexpr int kDim = TypeParam::value;
+  const auto image = random_labels<kDim>(box<kDim>({9, 5, 17}), 1, 1, 1);
+  for (FieldKind kind : kAllKinds) {
+    const auto field = field_of(image, kind);
+    for (const auto& x : random_points(image, 300, 2)) {
+      const auto e = entries_at(field, x);
+      ASSERT_EQ(e.size(), 1U);
+      EXPECT_EQ(e[0].material, 0U);
+      EXPECT_EQ(e[0].weight, 1.0F);
+    }
+  }
+}
+
+TYPED_TEST(FieldTest, WeightsAddUpToOne) {
+  constexpr int kDim = TypeParam::value;
+  for (int patch : {1, 5}) {
+    const auto image = random_labels<kDim>(box<kDim>({37, 21, 19}), 3, patch, 7);
+    for (FieldKind kind : kAllKinds) {
+      const auto field = field_of(image, kind);
+      for (const auto& x : random_points(image, 1000, 3)) {
+        double sum = 0;
+        for (const LabelWeight& e : entries_at(field, x)) sum += e.weight;
+        // What is negative in the debiased field is cut off, and weights below 1/512 are left out.
+        const double over = kind == FieldKind::dgf ? 0.3 : 1e-4;
+        const double under = kind == FieldKind::dgf || kind == FieldKind::gauss ? 0.005 : 1e-4;
+        EXPECT_GT(sum, 1 - under);
+        EXPECT_LT(sum, 1 + over);
+      }
+    }
+  }
+}
+
+TYPED_TEST(FieldTest, SampleWeightAndDifferenceAgree) {
+  constexpr int kDim = TypeParam::value;
+  const auto image = random_labels<kDim>(box<kDim>({37, 21, 19}), 5, 3, 7);
+  for (FieldKind kind : kAllKinds) {
+    const auto field = field_of(image, kind);
+    for (const auto& x : random_points(image, 1000, 3)) {
+      const auto e = entries_at(field, x);
+      for (std::size_t i = 0; i < e.size(); ++i) {
+        EXPECT_EQ(e[i].weight, field.weight(x, e[i].material));
+        if (i == 0) continue;
+        EXPECT_NEAR(field.difference(x, e[0].material, e[i].material), e[0].weight - e[i].weight, 2e-7);
+        EXPECT_GE(e[i - 1].weight, e[i].weight);
+      }
+      std::array<LabelWeight, 2> two{};
+      const int n = field.sample(x, two);
+      ASSERT_EQ(n, std::min<int>(2, static_cast<int>(e.size())));
+      for (int i = 0; i < n; ++i) EXPECT_EQ(two[i].material, e[i].material);
+    }
+  }
+}
+
+TYPED_TEST(FieldTest, VoxelLabelIsTheImagesOwn) {
+  constexpr int kDim = TypeParam::value;
+  auto image = random_labels<kDim>(box<kDim>({37, 21, 19}), 5, 4, 7);
+  for (int d = 0; d < kDim; ++d) image.frame.spacing[d] = 0.3 + 1.1 * d;
+  for (FieldKind kind : kAllKinds) {
+    const auto field = field_of(image, kind);
+    for (std::int64_t i = 0; i < product(image.extent); ++i) {
+      const auto c = coord_of(i, image.extent);
+      Vec<kDim> x{};
+      for (int d = 0; d < kDim; ++d) x[d] = (c[d] + 0.5) * image.frame.spacing[d];
+      ASSERT_EQ(field.voxel_label(x), image.material(c));
+      if (kind == FieldKind::linear || kind == FieldKind::solid_angle) {
+        ASSERT_NEAR(field.weight(x, image.material(c)), 1.0F, 1e-6F);
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace treemarch
