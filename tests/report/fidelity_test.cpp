@@ -21,6 +21,7 @@ void expect_perfect(const Coord<Dim>& extent, const Frame<Dim>& frame) {
   for (const LabelFidelity& l : f.labels) {
     EXPECT_EQ(l.dice, 1);
     EXPECT_EQ(l.cells, l.voxels);
+    EXPECT_EQ(l.components, l.image_components);
     EXPECT_NEAR(l.volume, l.image_volume, 1e-9 * l.image_volume);
     voxels += l.voxels;
   }

@@ -22,7 +22,7 @@ Report example() {
   report.seconds = {{"tree", 1.5}, {"march", 1}, {"march", 2}};
   report.mesh_seconds = 5;
   report.peak_memory_bytes = peak_memory_bytes();
-  report.angles = {20, 150};
+  report.quality.angles = {20, 150};
   return report;
 }
 

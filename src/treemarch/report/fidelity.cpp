@@ -6,6 +6,7 @@
 #include <span>
 
 #include "treemarch/core/parallel.h"
+#include "treemarch/mesh/cell_topology.h"
 #include "treemarch/report/components.h"
 #include "treemarch/report/simplices.h"
 
@@ -216,8 +217,7 @@ CellSums sum_cells(const Mesh<Dim>& mesh, const Execution& execution) {
       for (std::int64_t c = range.begin; c < range.end; ++c) {
         const MaterialId m = range.block->materials[static_cast<std::size_t>(c)];
         ++sum.cells[m];
-        for_each_simplex(mesh, *range.block, c,
-                         [&](const Simplex<Dim>& simplex) { sum.volume[m] += signed_volume(simplex); });
+        sum.volume[m] += cell_volume(mesh.points.data(), range.block->type, range.block->cell(c));
       }
     }
   });
@@ -271,6 +271,7 @@ Fidelity measure_fidelity(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, s
   const std::vector<MaterialId> to_image = match_labels(mesh.labels, image.labels);
   const Overlap voxels = overlap(image, mesh, to_image, execution);
   const CellSums sums = sum_cells(mesh, execution);
+  const std::vector<std::int64_t> components = count_mesh_components(mesh, execution);
 
   Fidelity fidelity;
   fidelity.labels.resize(image.labels.size());
@@ -293,8 +294,9 @@ Fidelity measure_fidelity(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, s
     }
     fidelity.labels[to_image[m]].cells += sums.cells[m];
     fidelity.labels[to_image[m]].volume += sums.volume[m];
+    fidelity.labels[to_image[m]].components += components[m];
   }
-  for (const ImageComponent& c : image_components(image)) ++fidelity.labels[c.material].components;
+  for (const ImageComponent& c : image_components(image)) ++fidelity.labels[c.material].image_components;
   std::ranges::sort(fidelity.labels, {}, &LabelFidelity::label);
   return fidelity;
 }

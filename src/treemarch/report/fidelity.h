@@ -15,14 +15,15 @@ namespace treemarch {
 /// One label in the image and in the mesh.
 struct LabelFidelity {
   std::int32_t label = 0;
-  std::string name;             ///< empty where the image has none
-  std::int64_t voxels = 0;      ///< in the image
-  std::int64_t cells = 0;       ///< in the mesh
-  double image_volume = 0;      ///< of its voxels, physical
-  double volume = 0;            ///< of its cells, physical
-  double dice = 0;              ///< 2 |A n B| / (|A| + |B|), B: voxels whose centre lies in a cell of the label
-  std::int64_t components = 0;  ///< of the image, connected over the faces of voxels
-  bool is_background = false;   ///< left out of the mesh on purpose when it has no cell
+  std::string name;                   ///< empty where the image has none
+  std::int64_t voxels = 0;            ///< in the image
+  std::int64_t cells = 0;             ///< in the mesh
+  double image_volume = 0;            ///< of its voxels, physical
+  double volume = 0;                  ///< of its cells, physical
+  double dice = 0;                    ///< 2 |A n B| / (|A| + |B|), B: voxels whose centre lies in a cell of the label
+  std::int64_t image_components = 0;  ///< connected over the faces of voxels
+  std::int64_t components = 0;        ///< in the mesh, connected over the facets of cells
+  bool is_background = false;         ///< left out of the mesh on purpose when it has no cell
 };
 
 struct Fidelity {

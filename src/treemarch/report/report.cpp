@@ -11,10 +11,35 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 Json label_json(const LabelFidelity& l) {
-  return {{"label", l.label},   {"name", l.name},
-          {"voxels", l.voxels}, {"cells", l.cells},
-          {"volume", l.volume}, {"image_volume", l.image_volume},
-          {"dice", l.dice},     {"components_in_image", l.components}};
+  return {{"label", l.label},
+          {"name", l.name},
+          {"voxels", l.voxels},
+          {"cells", l.cells},
+          {"volume", l.volume},
+          {"image_volume", l.image_volume},
+          {"dice", l.dice},
+          {"image_components", l.image_components},
+          {"components", l.components}};
+}
+
+Json quality_json(const Report& report) {
+  const MeshQuality& quality = report.quality;
+  const bool flat = report.dimension == 2;
+  Json json{{flat ? "min_angle" : "min_dihedral", quality.angles.min},
+            {flat ? "max_angle" : "max_dihedral", quality.angles.max},
+            {"mean_smallest", quality.mean_smallest},
+            {"histogram_smallest", quality.smallest},
+            {"histogram_largest", quality.largest},
+            {"worst", Json::array()}};
+  for (const WorstCell& w : quality.worst) {
+    json["worst"].push_back({{"type", name(w.type)},
+                             {"cell", w.cell},
+                             {"label", w.label},
+                             {"centre", w.centre},
+                             {"min", w.angles.min},
+                             {"max", w.angles.max}});
+  }
+  return json;
 }
 
 std::string format(const char* pattern, double a, double b = 0) {
@@ -58,9 +83,7 @@ std::string to_json(const Report& report) {
   json["points"] = report.points;
   json["cells"] = Json::object();
   for (const auto& [type, count] : report.cells) json["cells"][name(type)] = count;
-  const bool flat = report.dimension == 2;
-  json["quality"] = {{flat ? "min_angle" : "min_dihedral", report.angles.min},
-                     {flat ? "max_angle" : "max_dihedral", report.angles.max}};
+  json["quality"] = quality_json(report);
   json["labels"] = Json::array();
   for (const LabelFidelity& l : report.fidelity.labels) json["labels"].push_back(label_json(l));
   json["lost_labels"] = report.fidelity.lost_labels();
@@ -80,7 +103,7 @@ std::string to_text(const Report& report) {
   std::string text = std::to_string(report.points) + " points";
   for (const auto& [type, count] : report.cells) text += ", " + std::to_string(count) + " " + name(type) + " cells";
   text += format(report.dimension == 2 ? "\nangles %.2f to %.2f degrees" : "\ndihedral angles %.2f to %.2f degrees",
-                 report.angles.min, report.angles.max);
+                 report.quality.angles.min, report.quality.angles.max);
   std::int64_t materials = 0;
   for (const LabelFidelity& l : report.fidelity.labels) materials += l.cells > 0;
   text += "\n";

@@ -11,15 +11,10 @@
 #include "treemarch/core/execution.h"
 #include "treemarch/image/label_image.h"
 #include "treemarch/mesh/mesh.h"
+#include "treemarch/mesh/quality.h"
 #include "treemarch/report/fidelity.h"
 
 namespace treemarch {
-
-/// Angles in degrees: dihedral angles in 3D, angles of the cells' corners in 2D. Zero where no cell was measured.
-struct AngleRange {
-  double min = 0;
-  double max = 0;
-};
 
 /// The report of one run.
 struct Report {
@@ -30,7 +25,7 @@ struct Report {
   std::vector<std::pair<std::string, std::string>> options;  ///< those that made the mesh, in the order of the program
   std::int64_t points = 0;
   std::vector<std::pair<CellType, std::int64_t>> cells;  ///< number by type, types that occur only
-  AngleRange angles;
+  MeshQuality quality;
   Fidelity fidelity;
   std::vector<Execution::StageTime> seconds;  ///< by stage
   double mesh_seconds = 0;                    ///< from the image in memory to the mesh in memory

@@ -3,10 +3,10 @@
 #pragma once
 
 #include <array>
-#include <cmath>
 #include <cstdint>
 
 #include "treemarch/core/vec.h"
+#include "treemarch/mesh/cell_topology.h"
 #include "treemarch/mesh/mesh.h"
 
 namespace treemarch {
@@ -15,35 +15,28 @@ namespace treemarch {
 template <int Dim>
 using Simplex = std::array<Vec<Dim>, Dim + 1>;
 
-/// Signed area (2D) or volume (3D), positive for a positive simplex.
-template <int Dim>
-double signed_volume(const Simplex<Dim>& s) {
-  if constexpr (Dim == 2) {
-    const Vec<2> a = s[1] - s[0], b = s[2] - s[0];
-    return (a[0] * b[1] - a[1] * b[0]) / 2;
-  } else {
-    static_assert(Dim == 3);
-    return dot(cross(s[1] - s[0], s[2] - s[0]), s[3] - s[0]) / 6;
-  }
-}
-
 /// Tells which points a simplex contains.
 template <int Dim>
 class Barycentric {
  public:
-  explicit Barycentric(const Simplex<Dim>& s) : simplex_(s), volume_(signed_volume(s)) {}
+  explicit Barycentric(const Simplex<Dim>& s) : simplex_(s), volume_(volume(s)) {}
   [[nodiscard]] bool is_valid() const { return volume_ != 0; }
   /// Whether all barycentric coordinates are at least -tolerance. \pre is_valid()
   [[nodiscard]] bool contains(const Vec<Dim>& x, double tolerance) const {
     for (int i = 0; i <= Dim; ++i) {
       Simplex<Dim> s = simplex_;
       s[i] = x;
-      if (signed_volume(s) / volume_ < -tolerance) return false;
+      if (volume(s) / volume_ < -tolerance) return false;
     }
     return true;
   }
 
  private:
+  static double volume(const Simplex<Dim>& s) {
+    std::array<Vec<Dim>, Dim> edges;
+    for (int i = 0; i < Dim; ++i) edges[i] = s[i + 1] - s[0];
+    return determinant<Dim>(edges);
+  }
   Simplex<Dim> simplex_;
   double volume_;
 };
