@@ -1,0 +1,15 @@
+/// \file
+/// Leaving a material out of a mesh.
+#pragma once
+
+#include "treemarch/core/execution.h"
+#include "treemarch/mesh/mesh.h"
+
+namespace treemarch {
+
+/// Removes the cells of a material, then the points that no cell uses; what stays keeps its order. Material ids and the
+/// table of labels stay as they are.
+template <int Dim>
+void drop_material(Mesh<Dim>& mesh, MaterialId material, Execution& execution);
+
+}  // namespace treemarch

@@ -1,0 +1,60 @@
+/// \file
+/// The whole way from a label image to a mesh.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "treemarch/core/execution.h"
+#include "treemarch/field/field.h"
+#include "treemarch/image/label_image.h"
+#include "treemarch/mesh/mesh.h"
+
+namespace treemarch {
+
+/// The two complete ways through the stages (ARCHITECTURE.md).
+enum class Method {
+  paper,       ///< midpoint tessellation and iterated marching simplices
+  guaranteed,  ///< body-centred lattice and one cut for all materials, with a bound on the angles
+};
+
+/// What a mesh should be like. Lengths are in millimetres; 0 leaves the choice to the method.
+struct MeshOptions {
+  struct MaterialSize {
+    MaterialId material = 0;
+    double size = 0;
+  };
+  struct InterfaceSize {
+    MaterialId first = 0, second = 0;
+    double size = 0;
+  };
+
+  Method method = Method::paper;
+  double min_size = 0;  ///< smallest cells
+  double max_size = 0;  ///< largest cells
+  std::vector<MaterialSize> material_sizes;
+  std::vector<InterfaceSize> interface_sizes;
+  std::vector<double> weights;     ///< by material, for the majority in cells larger than a voxel; empty: all 1
+  std::string pattern = "auto";    ///< refinement pattern (tree/pattern.h)
+  int balance = 1;                 ///< difference of level over faces, edges and corners; kUnbalanced for no limit
+  std::optional<FieldKind> field;  ///< separating function; the method's own where it is not given
+  std::optional<double> snap;      ///< fraction of an edge within which a vertex moves onto a surface; as field
+  std::optional<int> smooth;       ///< smoothing steps; as field
+  bool keep_background = false;    ///< whether cells of the background are part of the mesh
+  std::int32_t background = 0;     ///< the label that means background
+};
+
+template <int Dim>
+struct MeshResult {
+  Mesh<Dim> mesh;
+  double seconds = 0;  ///< from the image in memory to the mesh in memory
+};
+
+/// Meshes an image. The times of the stages are in `execution`.
+/// \throw Error(usage) for options that contradict each other or the image; Error(limits) for too large a mesh.
+template <int Dim>
+MeshResult<Dim> mesh_image(const LabelImage<Dim>& image, const MeshOptions& options, Execution& execution);
+
+}  // namespace treemarch
