@@ -1,0 +1,340 @@
+#include "treemarch/tessellate/midpoint.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "treemarch/core/parallel.h"
+#include "treemarch/tessellate/lattice_points.h"
+
+namespace treemarch {
+namespace {
+
+constexpr std::int64_t kLeavesPerBlock = 1024;
+
+using AxisMask = unsigned;
+
+template <int Dim>
+inline constexpr AxisMask kAllAxes = (1U << Dim) - 1;
+
+/// A face of a leaf, or a part of one: a box that is flat along the axes that are not in `axes`. Its sides are those of
+/// a cell of `level`.
+template <int Dim>
+struct Face {
+  Coord<Dim> corner{};
+  AxisMask axes = 0;
+  int level = 0;
+};
+
+/// What all threads know: the tree, the vertices so far, and tables of the refinement pattern.
+template <int Dim>
+class Complex {
+ public:
+  Complex(const Spacetree<Dim>& tree, LatticePoints<Dim>& points) : tree_(tree), points_(points) {
+    const int levels = tree.pattern.finest_level() + 1;
+    for (int l = 0; l < levels; ++l) extent_.push_back(tree.pattern.cell_extent(l));
+    const auto same = [&](int a, int b, AxisMask axes) {
+      for (int d = 0; d < Dim; ++d)
+        if ((axes >> d & 1U) != 0 && extent_[a][d] != extent_[b][d]) return false;
+      return true;
+    };
+    for (int l = 0; l < levels; ++l) {
+      next_.emplace_back();
+      for (AxisMask axes = 0; axes <= kAllAxes<Dim>; ++axes) {
+        int next = l;
+        while (next < levels && same(l, next, axes)) ++next;
+        next_.back()[axes] = next;
+      }
+    }
+  }
+
+  [[nodiscard]] const Coord<Dim>& extent(int level) const { return extent_[level]; }
+  /// The first level whose cells are smaller than those of `level` along one of the axes; beyond the finest if none is.
+  [[nodiscard]] int next_level(int level, AxisMask axes) const { return next_[level][axes]; }
+  [[nodiscard]] LatticePoints<Dim>& points() { return points_; }
+
+  /// Whether a leaf that touches the interior of the face is smaller than it, within the face. The grids of the levels
+  /// are nested, hence the first refinement along the face divides all of it, and its lower corner tells.
+  [[nodiscard]] bool is_divided(const Face<Dim>& face) const {
+    const int next = next_level(face.level, face.axes);
+    if (next > tree_.pattern.finest_level()) return false;
+    if ((face.axes & (face.axes - 1)) == 0) {  // an edge: then there is a vertex on it
+      Coord<Dim> half{};
+      for (int d = 0; d < Dim; ++d) half[d] = 2 * (face.corner[d] + ((face.axes >> d & 1U) != 0 ? extent(next)[d] : 0));
+      return points_.contains(half);
+    }
+    const AxisMask normals = kAllAxes<Dim> & ~face.axes;
+    AxisMask side = normals;
+    while (true) {  // all subsets of the normals: the cells around the corner
+      Coord<Dim> cell = face.corner;
+      for (int d = 0; d < Dim; ++d) cell[d] -= static_cast<std::int32_t>(side >> d & 1U);
+      const LeafId leaf = tree_.leaf_at(cell);
+      if (leaf != kNoLeaf && tree_.leaves[leaf].level >= next) return true;
+      if (side == 0) return false;
+      side = (side - 1) & normals;
+    }
+  }
+
+  /// No hanging node on any of its edges, and so on none of its faces either.
+  [[nodiscard]] bool is_regular(const Face<Dim>& face) const {
+    for (int d = 0; d < Dim; ++d) {
+      const AxisMask axis = 1U << d;
+      if ((face.axes & axis) == 0) continue;
+      const AxisMask across = face.axes & ~axis;
+      AxisMask side = across;
+      while (true) {
+        Face<Dim> edge{face.corner, axis, face.level};
+        for (int n = 0; n < Dim; ++n)
+          if ((side >> n & 1U) != 0) edge.corner[n] += extent(face.level)[n];
+        if (is_divided(edge)) return false;
+        if (side == 0) break;
+        side = (side - 1) & across;
+      }
+    }
+    return true;
+  }
+
+  /// The parity of the lower corner of a rectangle in units of its own sides; along its normals, where two cells that
+  /// share it may differ, in those of the thinnest cell that has such a face. Source: design, section 4.
+  [[nodiscard]] unsigned parity(const Face<Dim>& rectangle) const {
+    const Coord<Dim>& side = extent(next_level(rectangle.level, rectangle.axes) - 1);
+    std::int32_t sum = 0;
+    for (int d = 0; d < Dim; ++d) sum += rectangle.corner[d] / side[d];
+    return static_cast<unsigned>(sum) & 1U;
+  }
+
+ private:
+  const Spacetree<Dim>& tree_;
+  LatticePoints<Dim>& points_;
+  std::vector<Coord<Dim>> extent_;
+  std::vector<std::array<int, kAllAxes<Dim> + 1>> next_;
+};
+
+/// Divides one leaf after the other into simplices, given to a visitor as corners in half units.
+template <int Dim, class Visit>
+class Divider {
+ public:
+  Divider(Complex<Dim>& complex, bool templates, Visit visit)
+      : complex_(complex), templates_(templates), visit_(std::move(visit)) {}
+
+  void divide(const Leaf<Dim>& leaf) { whole<Dim>({leaf.corner, kAllAxes<Dim>, leaf.level}); }
+
+ private:
+  /// A face that may consist of smaller ones.
+  template <int K>
+  void any(const Face<Dim>& face) {
+    if (!complex_.is_divided(face)) {
+      whole<K>(face);
+      return;
+    }
+    const int next = complex_.next_level(face.level, face.axes);
+    const Coord<Dim>& big = complex_.extent(face.level);
+    const Coord<Dim>& small = complex_.extent(next);
+    Face<Dim> part{face.corner, face.axes, next};
+    while (true) {
+      any<K>(part);
+      int d = 0;
+      for (; d < Dim; ++d) {
+        if ((face.axes >> d & 1U) == 0) continue;
+        part.corner[d] += small[d];
+        if (part.corner[d] < face.corner[d] + big[d]) break;
+        part.corner[d] = face.corner[d];
+      }
+      if (d == Dim) return;
+    }
+  }
+
+  /// A face of dimension K that no smaller leaf divides; its own boundary may have hanging nodes.
+  template <int K>
+  void whole(const Face<Dim>& face) {
+    if constexpr (K == 1) {
+      corner(0, face, 0);
+      corner(1, face, face.axes);
+      visit_(simplex_);
+    } else {
+      // The facets of a leaf must be divided in the same way whatever `templates` says about the leaf itself.
+      const bool regular = K < 4 && (K < Dim || templates_) && complex_.is_regular(face);
+      if constexpr (K == 2) {
+        if (regular) return rectangle(face);
+      }
+      if constexpr (K == 3) {
+        if (unsigned odd = 0; regular && fits_template(face, odd)) return cuboid(face, odd);
+      }
+      midpoint_rule<K>(face);
+    }
+  }
+
+  template <int K>
+  void midpoint_rule(const Face<Dim>& face) {
+    const Coord<Dim>& side = complex_.extent(face.level);
+    Coord<Dim>& centre = simplex_[K];
+    for (int d = 0; d < Dim; ++d) centre[d] = 2 * face.corner[d] + ((face.axes >> d & 1U) != 0 ? side[d] : 0);
+    complex_.points().insert(centre);
+    for (int d = 0; d < Dim; ++d) {
+      if ((face.axes >> d & 1U) == 0) continue;
+      Face<Dim> facet{face.corner, face.axes & ~(1U << d), face.level};
+      any<K - 1>(facet);
+      facet.corner[d] += side[d];
+      any<K - 1>(facet);
+    }
+  }
+
+  void rectangle(const Face<Dim>& face) {
+    const AxisMask first = face.axes & (0U - face.axes);
+    const AxisMask second = face.axes & ~first;
+    const bool odd = complex_.parity(face) != 0;
+    // The diagonal joins corners 0 and 1; corner 2 is on either side of it.
+    corner(0, face, odd ? first : 0);
+    corner(1, face, odd ? second : face.axes);
+    corner(2, face, odd ? 0 : first);
+    visit_(simplex_);
+    corner(2, face, odd ? face.axes : second);
+    visit_(simplex_);
+  }
+
+  /// Whether the diagonals of the six faces form a tetrahedron, and if so whether of the odd corners.
+  bool fits_template(const Face<Dim>& face, unsigned& odd) const {
+    bool first = true;
+    for (int d = 0; d < Dim; ++d) {
+      if ((face.axes >> d & 1U) == 0) continue;
+      Face<Dim> facet{face.corner, face.axes & ~(1U << d), face.level};
+      for (const unsigned far : {0U, 1U}) {
+        if (far != 0) facet.corner[d] += complex_.extent(face.level)[d];
+        const unsigned p = complex_.parity(facet) ^ far;
+        if (first) odd = p;
+        first = false;
+        if (p != odd) return false;
+      }
+    }
+    return true;
+  }
+
+  void cuboid(const Face<Dim>& face, unsigned odd) {
+    const AxisMask x = face.axes & (0U - face.axes);
+    const AxisMask y = (face.axes ^ x) & (0U - (face.axes ^ x));
+    const AxisMask z = face.axes ^ x ^ y;
+    // The inner tetrahedron joins the corners o, o^x^y, o^x^z, o^y^z; each of the other four corners is cut off.
+    const AxisMask o = odd != 0 ? x : 0;
+    const std::array<AxisMask, 4> inner{o, o ^ x ^ y, o ^ x ^ z, o ^ y ^ z};
+    for (int i = 0; i < 4; ++i) corner(i, face, inner[i]);
+    visit_(simplex_);
+    for (int i = 0; i < 4; ++i) {
+      corner(i, face, inner[i] ^ face.axes);
+      visit_(simplex_);
+      corner(i, face, inner[i]);
+    }
+  }
+
+  /// Vertex i of the simplex becomes the corner of the face on the far side along the axes of `far`.
+  void corner(int i, const Face<Dim>& face, AxisMask far) {
+    const Coord<Dim>& side = complex_.extent(face.level);
+    for (int d = 0; d < Dim; ++d) simplex_[i][d] = 2 * (face.corner[d] + ((far >> d & 1U) != 0 ? side[d] : 0));
+  }
+
+  Complex<Dim>& complex_;
+  bool templates_;
+  Visit visit_;
+  std::array<Coord<Dim>, Dim + 1> simplex_{};
+};
+
+template <int N>
+std::int64_t determinant(const std::array<std::array<std::int64_t, N>, N>& m) {
+  if constexpr (N == 1) {
+    return m[0][0];
+  } else {
+    std::int64_t sum = 0;
+    for (int c = 0; c < N; ++c) {
+      std::array<std::array<std::int64_t, N - 1>, N - 1> minor{};
+      for (int i = 1; i < N; ++i)
+        for (int j = 0, k = 0; j < N; ++j)
+          if (j != c) minor[i - 1][k++] = m[i][j];
+      sum += (c % 2 == 0 ? 1 : -1) * m[0][c] * determinant<N - 1>(minor);
+    }
+    return sum;
+  }
+}
+
+template <int Dim>
+bool is_positive(const std::array<Coord<Dim>, Dim + 1>& simplex) {
+  std::array<std::array<std::int64_t, Dim>, Dim> m{};
+  for (int i = 0; i < Dim; ++i)
+    for (int d = 0; d < Dim; ++d) m[i][d] = simplex[i + 1][d] - simplex[0][d];
+  return determinant<Dim>(m) > 0;
+}
+
+template <int Dim>
+void insert_corners(const Spacetree<Dim>& tree, LatticePoints<Dim>& points, const Execution& execution) {
+  parallel_for(execution, static_cast<std::int64_t>(tree.leaves.size()), kLeavesPerBlock, [&](std::int64_t i) {
+    const Leaf<Dim>& leaf = tree.leaves[i];
+    for (AxisMask far = 0; far <= kAllAxes<Dim>; ++far) {
+      Coord<Dim> half{};
+      for (int d = 0; d < Dim; ++d)
+        half[d] = 2 * (leaf.corner[d] + ((far >> d & 1U) != 0 ? tree.extent_of(leaf)[d] : 0));
+      points.insert(half);
+    }
+  });
+}
+
+}  // namespace
+
+template <int Dim>
+Mesh<Dim> tessellate_midpoint(const Spacetree<Dim>& tree, const MidpointOptions& options, Execution& execution) {
+  const Execution::Stage stage(execution, "tessellate");
+  const auto leaves = static_cast<std::int64_t>(tree.leaves.size());
+  LatticePoints<Dim> points(tree.lattice);
+  insert_corners(tree, points, execution);
+  execution.progress(0.2);
+
+  // Centres that the first pass inserts lie inside faces of two or more dimensions and so never on an edge, where
+  // is_divided() looks: the order of the leaves does not matter.
+  Complex<Dim> complex(tree, points);
+  std::vector<std::int64_t> first(static_cast<std::size_t>(block_count(leaves, kLeavesPerBlock)));
+  const auto blocks = static_cast<std::int64_t>(first.size());
+  const auto divide_block = [&](std::int64_t block, auto&& visit, auto&& after_leaf) {
+    Divider divider(complex, options.templates, visit);
+    for (std::int64_t i = block * kLeavesPerBlock; i < std::min(leaves, (block + 1) * kLeavesPerBlock); ++i) {
+      divider.divide(tree.leaves[i]);
+      after_leaf(tree.leaves[i]);
+    }
+  };
+  parallel_for(execution, blocks, 1, [&](std::int64_t b) {
+    std::int64_t count = 0;
+    divide_block(
+        b, [&](const auto&) { ++count; }, [](const auto&) {});
+    first[b] = count;
+  });
+  execution.progress(0.5);
+  const std::int64_t cells = exclusive_scan(std::span(first));
+  points.number(execution);
+
+  Mesh<Dim> mesh;
+  CellBlock block{kSimplex<Dim>, {}, {}};
+  block.vertices.resize(static_cast<std::size_t>(cells * (Dim + 1)));
+  block.materials.resize(static_cast<std::size_t>(cells));
+  parallel_for(execution, blocks, 1, [&](std::int64_t b) {
+    VertexId* vertex = block.vertices.data() + first[b] * (Dim + 1);
+    MaterialId* material = block.materials.data() + first[b];
+    const auto write = [&](const std::array<Coord<Dim>, Dim + 1>& simplex) {
+      for (int v = 0; v <= Dim; ++v) vertex[v] = points.id(simplex[v]);
+      if (!is_positive<Dim>(simplex)) std::swap(vertex[Dim - 1], vertex[Dim]);
+      vertex += Dim + 1;
+    };
+    divide_block(b, write, [&](const Leaf<Dim>& leaf) {
+      MaterialId* end = block.materials.data() + (vertex - block.vertices.data()) / (Dim + 1);
+      std::fill(material, end, leaf.material);
+      material = end;
+    });
+  });
+  mesh.points = points.positions(tree.lattice, execution);
+  mesh.blocks.push_back(std::move(block));
+  return mesh;
+}
+
+template Mesh<1> tessellate_midpoint(const Spacetree<1>&, const MidpointOptions&, Execution&);
+template Mesh<2> tessellate_midpoint(const Spacetree<2>&, const MidpointOptions&, Execution&);
+template Mesh<3> tessellate_midpoint(const Spacetree<3>&, const MidpointOptions&, Execution&);
+template Mesh<4> tessellate_midpoint(const Spacetree<4>&, const MidpointOptions&, Execution&);
+
+}  // namespace treemarch
