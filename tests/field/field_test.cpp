@@ -1,51 +1,18 @@
 #include "treemarch/field/field.h"
 
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <map>
-#include <random>
 
-#include "treemarch/core/error.h"
+#include "field/shapes.h"
 
 namespace treemarch {
 namespace {
 
 constexpr FieldKind kAllKinds[] = {FieldKind::linear, FieldKind::bspline3, FieldKind::gauss, FieldKind::dgf,
                                    FieldKind::solid_angle};
-
-template <int Dim>
-LabelImage<Dim> random_labels(const Coord<Dim>& extent, int labels, int patch, unsigned seed) {
-  // Patches of `patch` voxels a side; patch 1 is noise.
-  std::mt19937 random(seed);
-  Coord<Dim> coarse = extent;
-  for (auto& e : coarse) e = (e + patch - 1) / patch;
-  std::vector<std::int32_t> value(static_cast<std::size_t>(product(coarse)));
-  for (auto& v : value) v = static_cast<std::int32_t>(random() % labels);
-  std::vector<std::int32_t> voxels(static_cast<std::size_t>(product(extent)));
-  for (std::int64_t i = 0; i < product(extent); ++i) {
-    Coord<Dim> c = coord_of(i, extent);
-    for (auto& v : c) v /= patch;
-    voxels[i] = value[linear_index(c, coarse)];
-  }
-  return make_label_image(extent, voxels);
-}
-
-template <int Dim>
-std::vector<Vec<Dim>> random_points(const LabelImage<Dim>& image, int count, unsigned seed) {
-  std::mt19937 random(seed);
-  std::vector<Vec<Dim>> points(count);
-  for (int i = 0; i < count; ++i)
-    for (int d = 0; d < Dim; ++d) {
-      // A third at multiples of 1/4 voxel, where lattice vertices are; some beyond the box.
-      const double u = (random() % 10000) * 1e-4 * (image.extent[d] + 2) - 1;
-      points[i][d] = (i % 3 == 0 ? std::round(4 * u) / 4 : u) * image.frame.spacing[d];
-    }
-  return points;
-}
 
 template <int Dim>
 Field<Dim> field_of(const LabelImage<Dim>& image, FieldKind kind, int threads = 2) {
@@ -69,13 +36,6 @@ struct Dimension {
 };
 using Dimensions = testing::Types<Dimension<2>, Dimension<3>>;
 TYPED_TEST_SUITE(FieldTest, Dimensions);
-
-template <int Dim>
-Coord<Dim> box(std::array<std::int32_t, 3> sides) {
-  Coord<Dim> c{};
-  for (int d = 0; d < Dim; ++d) c[d] = sides[d];
-  return c;
-}
 
 TYPED_TEST(FieldTest, OneLabelWeighsOneEverywhere) {
   constexpr int kDim = TypeParam::value;

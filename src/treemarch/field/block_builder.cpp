@@ -299,8 +299,8 @@ void BlockBuilder<Dim>::mix_grey(const Coord<Dim>& voxel, std::vector<std::uint3
     else
       largest = std::max(largest, weight_of(word));
   }
-  if (largest == 0) return;
   const double value = grey_.values[linear_index(voxel, image_.extent)];
+  if (largest == 0 || !std::isfinite(value)) return;  // the labels decide
   const double share = std::clamp(0.5 + grey_.slope * (value - grey_.threshold), 0.0, 1.0);
   const auto rest = static_cast<std::uint32_t>(std::lround((1 - share) * Bricks<Dim>::kOne));
   for (std::uint32_t& word : entries) {

@@ -1,3 +1,5 @@
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <string>
 
@@ -5,6 +7,7 @@
 #include "treemarch/core/parallel.h"
 #include "treemarch/field/block_builder.h"
 #include "treemarch/field/field.h"
+#include "treemarch/field/thin.h"
 
 namespace treemarch {
 
@@ -39,9 +42,44 @@ IndicatorFilter make_filter(FieldKind kind, double sigma) {
   return filter;
 }
 
+/// Scales grey values by the contrast of foreground and background.
+template <int Dim>
+GreyRule grey_rule(const LabelImage<Dim>& image, const GreyImage<Dim>& grey, double threshold, std::int32_t background,
+                   const Execution& execution) {
+  GreyRule rule;
+  const auto found = std::find(image.labels.begin(), image.labels.end(), background);
+  if (found == image.labels.end()) return rule;  // without a background there is nothing for the grey value to decide
+  rule.values = grey.values.data();
+  rule.background = static_cast<MaterialId>(found - image.labels.begin());
+  rule.threshold = threshold;
+  using Sums = std::array<double, 4>;  // voxels and sum of values, of the background and of the foreground
+  const auto sums = parallel_reduce(
+      execution, product(image.extent), 1 << 16, Sums{},
+      [&](std::int64_t begin, std::int64_t end) {
+        Sums s{};
+        for (std::int64_t i = begin; i < end; ++i) {
+          if (!std::isfinite(grey.values[i])) continue;
+          const int side = image.voxels[i] == rule.background ? 0 : 2;
+          s[side] += 1;
+          s[side + 1] += grey.values[i];
+        }
+        return s;
+      },
+      [](Sums a, const Sums& b) {
+        for (std::size_t i = 0; i < a.size(); ++i) a[i] += b[i];
+        return a;
+      });
+  if (sums[0] == 0 || sums[2] == 0) return {};
+  const double below = sums[1] / sums[0];
+  const double above = sums[3] / sums[2];
+  const double contrast = std::max(std::abs(below - threshold), std::abs(above - threshold));
+  if (contrast > 0) rule.slope = (above >= below ? 0.5 : -0.5) / contrast;
+  return rule;
+}
+
 template <int Dim>
 Field<Dim> build(const LabelImage<Dim>& image, FieldKind kind, const IndicatorFilter& filter, const GreyRule& grey,
-                 const FieldOptions&, Execution& execution) {
+                 bool thin, Execution& execution) {
   Bricks<Dim> bricks;
   bricks.extent = image.extent;
   Coord<Dim> blocks{};
@@ -53,11 +91,13 @@ Field<Dim> build(const LabelImage<Dim>& image, FieldKind kind, const IndicatorFi
   if (block_total >= std::int64_t{1} << 31) throw Error(ErrorKind::limits, "image: too many voxels; crop it");
   bricks.refs.resize(static_cast<std::size_t>(product(bricks.brick_extent)));
   bricks.chunks.resize(static_cast<std::size_t>(block_total));
+  std::vector<std::uint64_t> flagged(thin ? bricks.refs.size() : 0);
   parallel_for_ranges(execution, block_total, 8, [&](std::int64_t begin, std::int64_t end) {
     BlockBuilder<Dim> builder(image, filter, grey);
     for (std::int64_t b = begin; b < end; ++b)
-      builder.build(coord_of(b, blocks), static_cast<std::uint32_t>(b), bricks, nullptr);
+      builder.build(coord_of(b, blocks), static_cast<std::uint32_t>(b), bricks, thin ? flagged.data() : nullptr);
   });
+  if (thin) keep_thin(image, flagged, bricks, execution);
   return Field<Dim>(kind, image.frame.spacing, std::move(bricks));
 }
 
@@ -68,10 +108,24 @@ Field<Dim> build_field(const LabelImage<Dim>& image, const FieldOptions& options
   if (options.kind == FieldKind::grey)
     throw Error(ErrorKind::usage, "--field grey: needs grey values; give --grey FILE and --threshold T");
   const Execution::Stage stage(execution, "field");
-  return build(image, options.kind, make_filter<Dim>(options.kind, options.sigma), GreyRule{}, options, execution);
+  const IndicatorFilter filter = make_filter<Dim>(options.kind, options.sigma);
+  return build(image, options.kind, filter, GreyRule{}, options.keep_thin && !filter.none(), execution);
+}
+
+template <int Dim>
+Field<Dim> build_grey_field(const LabelImage<Dim>& image, const GreyImage<Dim>& grey, double threshold,
+                            const FieldOptions& options, Execution& execution) {
+  if (grey.extent != image.extent)
+    throw Error(ErrorKind::input, "--grey: its extent differs from that of the labels; resample it");
+  const Execution::Stage stage(execution, "field");
+  const IndicatorFilter filter = make_filter<Dim>(FieldKind::dgf, options.sigma);
+  const GreyRule rule = grey_rule(image, grey, threshold, options.background, execution);
+  return build(image, FieldKind::grey, filter, rule, options.keep_thin, execution);
 }
 
 template Field<2> build_field(const LabelImage<2>&, const FieldOptions&, Execution&);
 template Field<3> build_field(const LabelImage<3>&, const FieldOptions&, Execution&);
+template Field<2> build_grey_field(const LabelImage<2>&, const GreyImage<2>&, double, const FieldOptions&, Execution&);
+template Field<3> build_grey_field(const LabelImage<3>&, const GreyImage<3>&, double, const FieldOptions&, Execution&);
 
 }  // namespace treemarch

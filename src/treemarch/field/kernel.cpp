@@ -54,15 +54,18 @@ Kernel gaussian_kernel(double sigma, int sum) {
     exact[k] = std::exp(-0.5 * k * k / (sigma * sigma));
     total += k == 0 ? exact[k] : 2 * exact[k];
   }
+  // Rounding the sums of the tails, not the taps, keeps all of them within half a unit, so that the centre, which takes
+  // the rest, is within one.
   Kernel kernel;
   kernel.tap.assign(exact.size(), 0.0F);
-  double rest = sum;
-  for (int k = 1; k <= radius; ++k) {
-    const double tap = std::round(sum * exact[k] / total);
-    kernel.tap[k] = static_cast<float>(tap);
-    rest -= 2 * tap;
+  double tail = 0;
+  double rounded = 0;
+  for (int k = radius; k >= 1; --k) {
+    tail += sum * exact[k] / total;
+    kernel.tap[k] = static_cast<float>(std::round(tail) - rounded);
+    rounded = std::round(tail);
   }
-  kernel.tap[0] = static_cast<float>(rest);
+  kernel.tap[0] = static_cast<float>(sum - 2 * rounded);
   while (kernel.tap.size() > 1 && kernel.tap.back() == 0) kernel.tap.pop_back();
   return kernel;
 }

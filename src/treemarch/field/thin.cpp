@@ -1,0 +1,186 @@
+#include "treemarch/field/thin.h"
+
+#include <array>
+#include <atomic>
+#include <bit>
+#include <cstdlib>
+
+#include "treemarch/core/parallel.h"
+
+namespace treemarch {
+
+namespace {
+
+/// One bit a voxel, a word a brick.
+using Mask = std::vector<std::uint64_t>;
+
+template <int Dim>
+class Thinness {
+ public:
+  Thinness(const LabelImage<Dim>& image, const Bricks<Dim>& bricks, const Mask& flagged, const Execution& execution)
+      : image_(image), bricks_(bricks), flagged_(flagged), execution_(execution) {}
+
+  [[nodiscard]] Mask seeds() const {
+    return select(flagged_, [this](const Coord<Dim>& c) {
+      return !any_neighbour(
+          c, [&](const Coord<Dim>& n) { return !has(flagged_, n) && image_.material(n) == image_.material(c); });
+    });
+  }
+
+  /// `set` and the flagged voxels of the same label beside it.
+  [[nodiscard]] Mask grown(const Mask& set) const {
+    return select(flagged_, [&](const Coord<Dim>& c) {
+      return has(set, c) || any_neighbour(c, [&](const Coord<Dim>& n) {
+               return has(set, n) && image_.material(n) == image_.material(c);
+             });
+    });
+  }
+
+  /// Flagged voxels whose neighbours of the same label hang together only through them.
+  [[nodiscard]] Mask bridges() const {
+    return select(flagged_, [&](const Coord<Dim>& c) {
+      std::uint32_t around = 0;
+      const MaterialId own = image_.material(c);
+      any_neighbour(c, [&](const Coord<Dim>& n) {
+        if (image_.material(n) == own) around |= std::uint32_t{1} << place_around(c, n);
+        return false;
+      });
+      return !connected(around);
+    });
+  }
+
+  [[nodiscard]] Mask with_ring(const Mask& set) const {
+    Mask result = set;
+    for_each(set, [&](const Coord<Dim>& c) {
+      any_neighbour(c, [&](const Coord<Dim>& n) {
+        std::atomic_ref<std::uint64_t> word(result[bricks_.brick_of(n)]);
+        word.fetch_or(bit(n), std::memory_order_relaxed);
+        return false;
+      });
+    });
+    return result;
+  }
+
+ private:
+  static constexpr int kPlaces = Dim == 3 ? 27 : 9;
+
+  /// Index of a neighbour among the 3^Dim places around c.
+  static int place_around(const Coord<Dim>& c, const Coord<Dim>& n) {
+    int place = 0;
+    for (int d = Dim; d-- > 0;) place = 3 * place + n[d] - c[d] + 1;
+    return place;
+  }
+
+  /// Whether the given places around a voxel hang together over faces, edges and corners.
+  static bool connected(std::uint32_t places) {
+    static const std::array<std::uint32_t, kPlaces> touching = [] {
+      std::array<std::uint32_t, kPlaces> t{};
+      for (int a = 0; a < kPlaces; ++a)
+        for (int b = 0; b < kPlaces; ++b) {
+          bool near = true;
+          for (int d = 0, p = a, q = b; d < Dim; ++d, p /= 3, q /= 3) near &= std::abs(p % 3 - q % 3) <= 1;
+          if (near) t[a] |= std::uint32_t{1} << b;
+        }
+      return t;
+    }();
+    std::uint32_t reached = places & -places;
+    for (std::uint32_t before = 0; before != reached;) {
+      before = reached;
+      for (std::uint32_t rest = before; rest != 0; rest &= rest - 1) reached |= touching[std::countr_zero(rest)];
+      reached &= places;
+    }
+    return reached == places;
+  }
+
+  static std::uint64_t bit(const Coord<Dim>& c) { return std::uint64_t{1} << Bricks<Dim>::place_in_brick(c); }
+  bool has(const Mask& mask, const Coord<Dim>& c) const { return (mask[bricks_.brick_of(c)] & bit(c)) != 0; }
+
+  /// Calls f for the neighbours of c until it is true of one.
+  template <class F>
+  bool any_neighbour(const Coord<Dim>& c, F&& f) const {
+    for (int i = 0; i < kPlaces; ++i) {
+      Coord<Dim> n = c;
+      bool inside = i != kPlaces / 2;
+      for (int d = 0, rest = i; d < Dim; ++d, rest /= 3) {
+        n[d] += rest % 3 - 1;
+        inside &= n[d] >= 0 && n[d] < image_.extent[d];
+      }
+      if (inside && f(n)) return true;
+    }
+    return false;
+  }
+
+  template <class F>
+  void for_each_in_brick(const Mask& mask, std::int64_t brick, F&& f) const {
+    constexpr int kShift = Bricks<Dim>::kShift;
+    if (mask[brick] == 0) return;
+    const Coord<Dim> corner = coord_of(brick, bricks_.brick_extent);
+    for (std::uint64_t rest = mask[brick]; rest != 0; rest &= rest - 1) {
+      const int place = std::countr_zero(rest);
+      Coord<Dim> c{};
+      for (int d = 0; d < Dim; ++d) c[d] = (corner[d] << kShift) | (place >> (d * kShift) & (Bricks<Dim>::kSide - 1));
+      f(c, rest & -rest);
+    }
+  }
+
+  template <class F>
+  void for_each(const Mask& mask, F&& f) const {
+    parallel_for(execution_, static_cast<std::int64_t>(mask.size()), 256, [&](std::int64_t brick) {
+      for_each_in_brick(mask, brick, [&](const Coord<Dim>& c, std::uint64_t) { f(c); });
+    });
+  }
+
+  template <class F>
+  Mask select(const Mask& mask, F&& f) const {
+    Mask result(mask.size(), 0);
+    parallel_for(execution_, static_cast<std::int64_t>(mask.size()), 256, [&](std::int64_t brick) {
+      for_each_in_brick(mask, brick, [&](const Coord<Dim>& c, std::uint64_t place) {
+        if (f(c)) result[brick] |= place;
+      });
+    });
+    return result;
+  }
+
+  const LabelImage<Dim>& image_;
+  const Bricks<Dim>& bricks_;
+  const Mask& flagged_;
+  const Execution& execution_;
+};
+
+/// A voxel's own label gets the whole weight.
+template <int Dim>
+void make_raw(Bricks<Dim>& bricks, const Mask& mask, const Execution& execution) {
+  parallel_for(execution, static_cast<std::int64_t>(mask.size()), 256, [&](std::int64_t brick) {
+    const std::uint64_t ref = bricks.refs[brick];
+    if (ref & Bricks<Dim>::kUniform) return;
+    std::vector<std::uint32_t>& chunk = bricks.chunks[ref >> 32];
+    for (std::uint64_t rest = mask[brick]; rest != 0; rest &= rest - 1) {
+      const auto e = bricks.entries(ref, std::countr_zero(rest));
+      std::uint32_t* word = chunk.data() + (e.first - chunk.data());
+      *word = (*word & 0xffff0000U) | Bricks<Dim>::kOne;
+      for (++word; word != e.last; ++word) *word &= 0xffff0000U;
+    }
+  });
+}
+
+}  // namespace
+
+template <int Dim>
+std::int64_t keep_thin(const LabelImage<Dim>& image, const std::vector<std::uint64_t>& flagged, Bricks<Dim>& bricks,
+                       const Execution& execution) {
+  const Thinness<Dim> thinness(image, bricks, flagged, execution);
+  Mask thin = thinness.seeds();
+  for (int step = 0; step < 2; ++step) thin = thinness.grown(thin);
+  const Mask bridges = thinness.bridges();
+  for (std::size_t b = 0; b < thin.size(); ++b) thin[b] |= bridges[b];
+  thin = thinness.with_ring(thin);
+  make_raw(bricks, thin, execution);
+  std::int64_t count = 0;
+  for (std::uint64_t word : thin) count += std::popcount(word);
+  return count;
+}
+
+template std::int64_t keep_thin(const LabelImage<2>&, const std::vector<std::uint64_t>&, Bricks<2>&, const Execution&);
+template std::int64_t keep_thin(const LabelImage<3>&, const std::vector<std::uint64_t>&, Bricks<3>&, const Execution&);
+
+}  // namespace treemarch
