@@ -11,12 +11,20 @@
 namespace treemarch {
 
 OutputFile::OutputFile(std::string path, bool overwrite) : path_(std::move(path)) {
-  if (!overwrite && std::filesystem::exists(path_))
+  namespace fs = std::filesystem;
+  std::error_code unknown;  // a place that cannot be looked at fails below, when it is opened
+  const fs::file_status status = fs::status(path_, unknown);
+  if (fs::is_directory(status)) throw Error(ErrorKind::output, path_ + ": is a folder; give a file name");
+  if (fs::exists(status) && !fs::is_regular_file(status))
+    throw Error(ErrorKind::output, path_ + ": is not a regular file; give another name");
+  if (fs::exists(status) && !overwrite)
     throw Error(ErrorKind::output, path_ + ": exists already; give --force to replace it");
-  if (std::filesystem::is_directory(path_)) throw Error(ErrorKind::output, path_ + ": is a folder; give a file name");
   temporary_ = path_ + ".part" + std::to_string(::getpid());
   file_ = std::fopen(temporary_.c_str(), "wb");
-  if (!file_) fail("cannot be written");
+  if (!file_) {
+    temporary_.clear();
+    fail("cannot be written");
+  }
 }
 
 OutputFile::~OutputFile() {
@@ -26,6 +34,13 @@ OutputFile::~OutputFile() {
 
 void OutputFile::write(const void* data, std::size_t bytes) {
   if (bytes && std::fwrite(data, 1, bytes, file_) != bytes) fail("writing failed");
+  position_ += static_cast<std::int64_t>(bytes);
+}
+
+void OutputFile::write_at(std::int64_t at, const void* data, std::size_t bytes) {
+  if (::fseeko(file_, at, SEEK_SET) != 0 || std::fwrite(data, 1, bytes, file_) != bytes ||
+      ::fseeko(file_, 0, SEEK_END) != 0)
+    fail("writing failed");
 }
 
 void OutputFile::commit() {
@@ -37,7 +52,8 @@ void OutputFile::commit() {
 }
 
 void OutputFile::fail(const char* what) const {
-  throw Error(ErrorKind::output, path_ + ": " + what + ": " + std::strerror(errno));
+  const int reason = errno;
+  throw Error(ErrorKind::output, path_ + ": " + what + ": " + std::strerror(reason));
 }
 
 }  // namespace treemarch

@@ -1,0 +1,236 @@
+// VTK's XML format for unstructured grids, version 1.0, arrays appended as raw bytes.
+#include <zlib.h>
+
+#include <cstring>
+
+#include "treemarch/core/error.h"
+#include "treemarch/core/parallel.h"
+#include "treemarch/mesh/cell_topology.h"
+#include "treemarch/mesh/mesh_source.h"
+
+namespace treemarch {
+namespace {
+
+// Before compression. Small enough to compress in parallel; meshio joins the blocks in time that grows with their
+// number times the size of the array.
+constexpr std::int64_t kBlockBytes = 8 << 20;
+constexpr std::size_t kOffsetWidth = 24;  // room for an offset that is known later
+constexpr int kFastest = 1;               // the higher levels gain little and cost much
+
+constexpr int vtk_type(CellType type) {
+  constexpr int kTypes[] = {3, 5, 9, 10, 14, 12};
+  return kTypes[static_cast<int>(type)];
+}
+
+/// An array that follows the XML text.
+struct Appended {
+  std::string attributes;
+  std::int64_t items = 0;
+  std::int64_t item_bytes = 0;
+  /// Writes items [begin, end).
+  std::function<void(std::int64_t begin, std::int64_t end, char* to)> fill;
+  std::int64_t offset_position = 0;
+};
+
+template <class T>
+void put(char* to, T value) {
+  std::memcpy(to, &value, sizeof value);
+}
+
+/// Calls use(block, first, last, n) for the stretches of [begin, end) in each block, where a block has
+/// `per_cell(block)` items a cell; n counts the items from begin on.
+template <class PerCell, class Use>
+void for_each_stretch(const MeshSource& mesh, std::int64_t begin, std::int64_t end, const PerCell& per_cell,
+                      const Use& use) {
+  std::int64_t start = 0, done = 0;
+  for (const MeshSource::Block& block : mesh.blocks) {
+    const std::int64_t size = block.size * per_cell(block);
+    const std::int64_t first = std::max<std::int64_t>(0, begin - start);
+    const std::int64_t last = std::min(size, end - start);
+    if (first < last) {
+      use(block, first, last, done);
+      done += last - first;
+    }
+    start += size;
+  }
+}
+
+std::int64_t one(const MeshSource::Block&) { return 1; }
+std::int64_t corners(const MeshSource::Block& block) { return vertex_count(block.type); }
+
+template <class Index>
+void add_cells(const MeshSource& mesh, const std::string& type, std::vector<Appended>& arrays) {
+  std::int64_t connectivity = 0;
+  for (const MeshSource::Block& b : mesh.blocks) connectivity += b.size * corners(b);
+  arrays.push_back({"type=\"" + type + "\" Name=\"connectivity\"", connectivity, sizeof(Index),
+                    [&mesh](std::int64_t begin, std::int64_t end, char* to) {
+                      for_each_stretch(mesh, begin, end, corners, [&](auto& b, auto first, auto last, auto done) {
+                        const std::int64_t n = corners(b);
+                        const auto& order = mirrored_order(b.type);
+                        char* p = to + done * static_cast<std::int64_t>(sizeof(Index));
+                        for (std::int64_t i = first; i < last; ++i, p += sizeof(Index)) {
+                          const std::int64_t from = mesh.mirrored ? i - i % n + order[i % n] : i;
+                          put(p, static_cast<Index>(b.vertices[from]));
+                        }
+                      });
+                    }});
+  arrays.push_back({"type=\"" + type + "\" Name=\"offsets\"", mesh.cell_count(), sizeof(Index),
+                    [&mesh](std::int64_t begin, std::int64_t end, char* to) {
+                      for_each_stretch(mesh, begin, end, one, [&](auto& b, auto first, auto last, auto done) {
+                        std::int64_t before = 0;
+                        for (const MeshSource::Block* e = mesh.blocks.data(); e != &b; ++e)
+                          before += e->size * corners(*e);
+                        char* p = to + done * static_cast<std::int64_t>(sizeof(Index));
+                        for (std::int64_t i = first; i < last; ++i, p += sizeof(Index))
+                          put(p, static_cast<Index>(before + (i + 1) * corners(b)));
+                      });
+                    }});
+}
+
+std::vector<Appended> arrays_of(const MeshSource& mesh) {
+  std::vector<Appended> arrays;
+  arrays.push_back({"type=\"Float64\" Name=\"Points\" NumberOfComponents=\"3\"", mesh.point_count, 24,
+                    [&mesh](std::int64_t begin, std::int64_t end, char* to) {
+                      mesh.points(begin, end, reinterpret_cast<double*>(to));
+                    }});
+  std::int64_t connectivity = 0;
+  for (const MeshSource::Block& b : mesh.blocks) connectivity += b.size * corners(b);
+  // Half the size where it suffices; VTK wants both arrays alike.
+  if (std::max(connectivity, mesh.point_count) <= 0x7fffffff)
+    add_cells<std::int32_t>(mesh, "Int32", arrays);
+  else
+    add_cells<std::int64_t>(mesh, "Int64", arrays);
+  arrays.push_back(
+      {"type=\"UInt8\" Name=\"types\"", mesh.cell_count(), 1, [&mesh](std::int64_t begin, std::int64_t end, char* to) {
+         for_each_stretch(mesh, begin, end, one, [&](auto& b, auto first, auto last, auto done) {
+           std::memset(to + done, vtk_type(b.type), static_cast<std::size_t>(last - first));
+         });
+       }});
+  for (std::size_t a = 0; a < mesh.array_names.size(); ++a)
+    arrays.push_back({"type=\"Int32\" Name=\"" + mesh.array_names[a] + "\"", mesh.cell_count(), 4,
+                      [&mesh, a](std::int64_t begin, std::int64_t end, char* to) {
+                        for_each_stretch(mesh, begin, end, one, [&](auto& b, auto first, auto last, auto done) {
+                          for (std::int64_t i = first; i < last; ++i, ++done)
+                            put(to + 4 * done, mesh.groups[b.groups[i]].values[a]);
+                        });
+                      }});
+  return arrays;
+}
+
+template <class T>
+std::string field(const std::string& type, const std::string& name, std::int64_t components, const T& values) {
+  std::string text = "      <DataArray type=\"" + type + "\" Name=\"" + name + "\"";
+  if (components > 1) text += " NumberOfComponents=\"" + std::to_string(components) + "\"";
+  text += " NumberOfTuples=\"" + std::to_string(static_cast<std::int64_t>(values.size()) / components) +
+          "\" format=\"ascii\">\n       ";
+  for (const auto v : values) {
+    text += ' ';
+    if constexpr (std::is_floating_point_v<std::decay_t<decltype(v)>>)
+      append_number(text, v);
+    else
+      append_number(text, static_cast<std::int64_t>(v));
+  }
+  return text + "\n      </DataArray>\n";
+}
+
+/// Text as its bytes: readers other than VTK's refuse arrays of strings.
+std::string text_field(const std::string& name, const std::string& value) {
+  if (value.empty()) return {};
+  return field("UInt8", name, 1, std::vector<std::uint8_t>(value.begin(), value.end()));
+}
+
+std::string field_data(const MeshSource& mesh) {
+  std::string names;
+  for (const std::string& n : mesh.names) names += n + '\n';  // each line ends, so that the last may be empty
+  std::string text = "    <FieldData>\n";
+  text += text_field("space", mesh.space);
+  text += field("Float64", "affine", 16, mesh.affine);
+  text += field("Int32", "outside_label", 1, std::vector{mesh.outside});
+  if (!mesh.names.empty()) {
+    text += field("Int32", "label_values", 1, mesh.labels);
+    text += text_field("label_names", names);
+  }
+  return text + "    </FieldData>\n";
+}
+
+/// The XML text with room for the offsets; notes where they go.
+std::string header(const MeshSource& mesh, bool compress, std::vector<Appended>& arrays) {
+  std::string text = "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\"";
+  text += " byte_order=\"LittleEndian\" header_type=\"UInt64\"";
+  if (compress) text += " compressor=\"vtkZLibDataCompressor\"";
+  text += ">\n  <UnstructuredGrid>\n" + field_data(mesh);
+  text += "    <Piece NumberOfPoints=\"" + std::to_string(mesh.point_count) + "\" NumberOfCells=\"" +
+          std::to_string(mesh.cell_count()) + "\">\n";
+  std::size_t next = 0;
+  auto section = [&](const std::string& tag, const std::string& attributes, std::size_t count) {
+    text += "      <" + tag + attributes + ">\n";
+    for (const std::size_t end = next + count; next < end; ++next) {
+      text += "        <DataArray " + arrays[next].attributes + " format=\"appended\" offset=\"";
+      arrays[next].offset_position = static_cast<std::int64_t>(text.size());
+      text += std::string(kOffsetWidth, ' ') + "/>\n";
+    }
+    text += "      </" + tag + ">\n";
+  };
+  section("Points", "", 1);
+  section("Cells", "", 3);
+  section("CellData", " Scalars=\"" + mesh.array_names.front() + "\"", mesh.array_names.size());
+  return text + "    </Piece>\n  </UnstructuredGrid>\n  <AppendedData encoding=\"raw\">\n_";
+}
+
+void append_compressed(const std::string& bytes, std::string& out) {
+  uLongf size = compressBound(bytes.size());
+  out.resize(size);
+  if (compress2(reinterpret_cast<Bytef*>(out.data()), &size, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size(),
+                kFastest) != Z_OK)
+    throw Error(ErrorKind::limits, "compression failed; is there enough memory?");
+  out.resize(size);
+}
+
+/// Writes one array. Compressed: number of blocks, size of a block, size of the last if it is shorter, compressed
+/// sizes, then the blocks; else the size and the bytes.
+void write_array(const Appended& array, bool compress, OutputFile& file, const Execution& execution) {
+  const std::int64_t per_block = kBlockBytes / array.item_bytes;
+  auto bytes_of = [&](std::int64_t items) { return static_cast<std::uint64_t>(items * array.item_bytes); };
+  if (!compress) {
+    const std::uint64_t size = bytes_of(array.items);
+    file.write(&size, sizeof size);
+    write_chunks(file, execution, array.items, per_block, [&](std::int64_t begin, std::int64_t end, std::string& out) {
+      out.resize(bytes_of(end - begin));
+      array.fill(begin, end, out.data());
+    });
+    return;
+  }
+  const std::int64_t blocks = block_count(array.items, per_block);
+  std::vector<std::uint64_t> sizes(3 + static_cast<std::size_t>(blocks));
+  const std::int64_t at = file.position();
+  file.write(sizes.data(), sizes.size() * 8);
+  const std::vector<std::uint64_t> written = write_chunks(file, execution, array.items, per_block,
+                                                          [&](std::int64_t begin, std::int64_t end, std::string& out) {
+                                                            std::string bytes(bytes_of(end - begin), '\0');
+                                                            array.fill(begin, end, bytes.data());
+                                                            append_compressed(bytes, out);
+                                                          });
+  sizes[0] = static_cast<std::uint64_t>(blocks);
+  sizes[1] = bytes_of(per_block);
+  sizes[2] = bytes_of(array.items % per_block);
+  std::copy(written.begin(), written.end(), sizes.begin() + 3);
+  file.write_at(at, sizes.data(), sizes.size() * 8);
+}
+
+}  // namespace
+
+void write_vtu(const MeshSource& mesh, bool compress, OutputFile& file, const Execution& execution) {
+  std::vector<Appended> arrays = arrays_of(mesh);
+  file.write(header(mesh, compress, arrays));
+  const std::int64_t start = file.position();
+  for (const Appended& array : arrays) {
+    // The quote that ends the attribute moves with the number: readers compare the text of the offset.
+    std::string offset = std::to_string(file.position() - start) + "\"";
+    offset.resize(kOffsetWidth, ' ');
+    write_array(array, compress, file, execution);
+    file.write_at(array.offset_position, offset.data(), offset.size());
+  }
+  file.write("\n  </AppendedData>\n</VTKFile>\n");
+}
+
+}  // namespace treemarch
