@@ -1,0 +1,135 @@
+#include "treemarch/sizing/sizing.h"
+
+#include <algorithm>
+#include <array>
+#include <span>
+#include <utility>
+
+#include "treemarch/core/parallel.h"
+#include "treemarch/sizing/lattice_cover.h"
+
+namespace treemarch {
+namespace {
+
+/// The sizes of a rule as levels.
+class Levels {
+ public:
+  template <int Dim>
+  Levels(const LabelImage<Dim>& image, const SizedLattice<Dim>& sized, const SizingRule& rule) {
+    const auto level_of = [&](double size) {
+      int l = 0;
+      for (; l < sized.deepest_level; ++l) {
+        const Coord<Dim> cells = sized.pattern.cell_extent(l);
+        double side = 0;
+        for (int d = 0; d < Dim; ++d) side = std::max(side, cells[d] * sized.lattice.unit[d]);
+        if (side <= size * (1 + 1e-9)) break;
+      }
+      return static_cast<std::uint8_t>(l);
+    };
+    interface_ = rule.min_size > 0 ? level_of(rule.min_size) : static_cast<std::uint8_t>(sized.deepest_level);
+    material_.assign(image.labels.size(), rule.max_size > 0 ? level_of(rule.max_size) : std::uint8_t{0});
+    for (std::size_t m = 0; m < std::min(material_.size(), rule.material_size.size()); ++m)
+      if (rule.material_size[m] > 0) material_[m] = level_of(rule.material_size[m]);
+    for (const SizingRule::Interface& i : rule.interface_size)
+      pairs_.push_back({std::minmax(i.first, i.second), level_of(i.size)});
+    std::stable_sort(pairs_.begin(), pairs_.end(),
+                     [](const Pair& a, const Pair& b) { return a.materials < b.materials; });
+  }
+
+  [[nodiscard]] std::uint8_t material(MaterialId m) const { return material_[m]; }
+  [[nodiscard]] std::uint8_t interface(MaterialId a, MaterialId b) const {
+    if (!pairs_.empty()) {
+      const std::pair<MaterialId, MaterialId> key = std::minmax(a, b);
+      const auto at = std::lower_bound(pairs_.begin(), pairs_.end(), key,
+                                       [](const Pair& p, const auto& k) { return p.materials < k; });
+      if (at != pairs_.end() && at->materials == key) return at->level;
+    }
+    return std::max({interface_, material_[a], material_[b]});
+  }
+
+ private:
+  struct Pair {
+    std::pair<MaterialId, MaterialId> materials;
+    std::uint8_t level;
+  };
+  std::uint8_t interface_ = 0;
+  std::vector<std::uint8_t> material_;
+  std::vector<Pair> pairs_;
+};
+
+/// What each voxel demands.
+template <int Dim>
+std::vector<std::uint8_t> voxel_levels(const LabelImage<Dim>& image, const Levels& levels, const Execution& execution) {
+  std::vector<std::uint8_t> result(static_cast<std::size_t>(image.voxels.size()));
+  const std::int64_t row = image.extent[0];
+  std::array<std::int64_t, Dim> stride{};
+  for (std::int64_t d = 0, n = 1; d < Dim; n *= image.extent[d++]) stride[d] = n;
+  image.voxels.visit([&](const auto* voxels) {
+    parallel_for(execution, image.voxels.size() / row, std::max<std::int64_t>(1, 16384 / row), [&](std::int64_t r) {
+      Coord<Dim> c = coord_of(r * row, image.extent);
+      for (std::int64_t i = r * row; i < (r + 1) * row; ++i, ++c[0]) {
+        const auto own = voxels[i];
+        std::uint8_t level = 0;
+        bool inside = true;
+        const auto look = [&](std::int64_t neighbour) {
+          if (voxels[neighbour] == own) return;
+          level = std::max(level, levels.interface(own, voxels[neighbour]));
+          inside = false;
+        };
+        for (int d = 0; d < Dim; ++d) {
+          if (c[d] > 0) look(i - stride[d]);
+          if (c[d] + 1 < image.extent[d]) look(i + stride[d]);
+        }
+        result[i] = inside ? levels.material(own) : level;
+      }
+    });
+  });
+  return result;
+}
+
+/// The largest entry among the voxels that each cell overlaps along one axis; the other axes stay as they are.
+template <int Dim>
+std::vector<std::uint8_t> to_cells(const std::vector<std::uint8_t>& in, const Coord<Dim>& extent, int axis,
+                                   std::int32_t cells, const Execution& execution) {
+  const AxisCover cover(extent[axis], cells);
+  std::int64_t row = 1;
+  for (int d = 0; d < axis; ++d) row *= extent[d];
+  const auto rows = static_cast<std::int64_t>(in.size()) / row / extent[axis] * cells;
+  std::vector<std::uint8_t> out(static_cast<std::size_t>(rows * row), 0);
+  parallel_for(execution, rows, std::max<std::int64_t>(1, 16384 / row), [&](std::int64_t r) {
+    const std::int64_t cell = r % cells;
+    std::uint8_t* to = out.data() + r * row;
+    for (std::int64_t v = cover.first_voxel(cell); v <= cover.last_voxel(cell + 1); ++v) {
+      const std::uint8_t* from = in.data() + (r / cells * extent[axis] + v) * row;
+      for (std::int64_t i = 0; i < row; ++i) to[i] = std::max(to[i], from[i]);
+    }
+  });
+  return out;
+}
+
+}  // namespace
+
+template <int Dim>
+std::vector<std::uint8_t> required_levels(const LabelImage<Dim>& image, const SizedLattice<Dim>& lattice,
+                                          const SizingRule& rule, const Execution& execution) {
+  std::vector<std::uint8_t> levels = voxel_levels(image, Levels(image, lattice, rule), execution);
+  Coord<Dim> extent = image.extent;
+  for (int d = 0; d < Dim; ++d) {
+    const std::int32_t cells = lattice.lattice.extent[d];
+    if (cells == extent[d]) continue;
+    levels = to_cells(levels, extent, d, cells, execution);
+    extent[d] = cells;
+  }
+  return levels;
+}
+
+#define TREEMARCH_INSTANTIATE(DIM)                                                                     \
+  template std::vector<std::uint8_t> required_levels(const LabelImage<DIM>&, const SizedLattice<DIM>&, \
+                                                     const SizingRule&, const Execution&);
+TREEMARCH_INSTANTIATE(1)
+TREEMARCH_INSTANTIATE(2)
+TREEMARCH_INSTANTIATE(3)
+TREEMARCH_INSTANTIATE(4)
+#undef TREEMARCH_INSTANTIATE
+
+}  // namespace treemarch
