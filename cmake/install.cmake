@@ -2,7 +2,8 @@
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
-install(DIRECTORY src/treemarch DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h")
+install(DIRECTORY src/treemarch DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h"
+        PATTERN itk_support.h EXCLUDE)
 install(TARGETS treemarch EXPORT treemarchTargets)
 install(TARGETS treemarch_io EXPORT treemarchIoTargets)
 if(TREEMARCH_BUILD_APPS)
@@ -17,4 +18,5 @@ configure_package_config_file(cmake/treemarchConfig.cmake.in ${PROJECT_BINARY_DI
                               INSTALL_DESTINATION ${package_dir})
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/treemarchConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/treemarchConfig.cmake ${PROJECT_BINARY_DIR}/treemarchConfigVersion.cmake
+              cmake/treemarchFileLibraries.cmake
         DESTINATION ${package_dir})

@@ -4,9 +4,11 @@
 
 #include <cstdint>
 #include <cstring>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "treemarch/core/execution.h"
 #include "treemarch/core/vec.h"
 #include "treemarch/image/frame.h"
 
@@ -47,6 +49,13 @@ class CompactArray {
     if (width_ == 2) return f(reinterpret_cast<const std::uint16_t*>(bytes_.data()));
     return f(reinterpret_cast<const std::uint32_t*>(bytes_.data()));
   }
+  /// The same with a pointer through which values may be changed.
+  template <class F>
+  decltype(auto) visit(F&& f) {
+    if (width_ == 1) return f(bytes_.data());
+    if (width_ == 2) return f(reinterpret_cast<std::uint16_t*>(bytes_.data()));
+    return f(reinterpret_cast<std::uint32_t*>(bytes_.data()));
+  }
 
  private:
   template <class T>
@@ -82,6 +91,18 @@ struct LabelImage {
 template <int Dim>
 LabelImage<Dim> make_label_image(const Coord<Dim>& extent, const std::vector<std::int32_t>& values,
                                  const Frame<Dim>& frame = {});
+
+/// Values as materials, see LabelImage.
+struct EncodedLabels {
+  CompactArray voxels;
+  std::vector<std::int32_t> labels;  ///< by first appearance
+  std::int64_t changes = 0;          ///< voxels that differ from the one before them, in scan order
+};
+
+/// Numbers values by their first appearance, in parallel; the same for any number of threads. T is an integer type of 8
+/// to 64 bits. \pre every value fits 32 bits with sign
+template <class T>
+EncodedLabels encode_labels(std::span<const T> values, const Execution& execution);
 
 /// A grey-value image in the same layout.
 template <int Dim>

@@ -1,0 +1,90 @@
+/// \file
+/// What the file readers hand over: samples as the file stores them and its geometry, nothing interpreted yet.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace treemarch {
+
+enum class SampleType : std::uint8_t { u8, i8, u16, i16, u32, i32, u64, i64, f32, f64 };
+
+/// Bytes of one sample.
+[[nodiscard]] std::size_t sample_bytes(SampleType type);
+
+/// An image file in memory.
+struct RawImage {
+  int dim = 3;  ///< axes of space, 2 or 3
+  std::array<std::int64_t, 3> extent{1, 1, 1};
+  std::int64_t volumes = 1;   ///< images one after the other in `data` (time, layers)
+  double volume_spacing = 1;  ///< step from one volume to the next (seconds), where the file knows it
+  SampleType type = SampleType::u8;
+  double slope = 1, intercept = 0;    ///< value = slope * sample + intercept
+  std::unique_ptr<std::byte[]> data;  ///< host byte order, first axis fastest, volumes slowest
+
+  /// World position of the centre of voxel i: origin + sum of axis[a] * i[a], in millimetres where the unit is known.
+  std::array<std::array<double, 3>, 3> axis{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+  std::array<double, 3> origin{};
+  std::string space;                                        ///< as Frame::space, one letter an axis of space
+  bool has_spacing = true;                                  ///< false where the file carries none
+  std::vector<std::pair<std::int32_t, std::string>> names;  ///< names of labels, where the file has them
+
+  [[nodiscard]] std::int64_t voxels() const { return extent[0] * extent[1] * extent[2]; }
+  /// Makes room for all samples. \throw Error(limits) when there is no such memory.
+  void allocate(const std::string& path);
+
+  /// Calls f with a span of the samples of `count` volumes at their own type.
+  template <class F>
+  decltype(auto) visit(std::int64_t first_volume, std::int64_t count, F&& f) const {
+    const std::byte* p = data.get() + static_cast<std::size_t>(first_volume * voxels()) * sample_bytes(type);
+    const auto as = [&]<class T>(T) {
+      return f(std::span<const T>(reinterpret_cast<const T*>(p), static_cast<std::size_t>(count * voxels())));
+    };
+    switch (type) {
+      case SampleType::u8:
+        return as(std::uint8_t{});
+      case SampleType::i8:
+        return as(std::int8_t{});
+      case SampleType::u16:
+        return as(std::uint16_t{});
+      case SampleType::i16:
+        return as(std::int16_t{});
+      case SampleType::u32:
+        return as(std::uint32_t{});
+      case SampleType::i32:
+        return as(std::int32_t{});
+      case SampleType::u64:
+        return as(std::uint64_t{});
+      case SampleType::i64:
+        return as(std::int64_t{});
+      case SampleType::f32:
+        return as(float{});
+      default:
+        return as(double{});
+    }
+  }
+};
+
+/// Checks what a header claims before anything is allocated for it.
+/// \param extent the sizes of the image's axes (up to 3), then of those beyond
+/// \param stored_bytes size of the file that holds the samples, or negative where it is not known
+/// \param compression largest ratio by which the encoding can shrink samples, 1 for none
+/// \throw Error(input) for sizes below 1, beyond 32 bit or larger than the file can hold.
+void check_size(const std::string& path, std::span<const std::int64_t> extent, std::size_t bytes_per_sample,
+                std::int64_t stored_bytes, double compression);
+
+/// The largest ratio that deflate (gzip, PNG, zlib) can reach, with a margin.
+inline constexpr double kDeflateRatio = 1100;
+
+/// Joins equal slices (dim 2, or 3 with one slice) along a new third axis; mixed sample types become double. Geometry
+/// is that of the first slice with `axis[2]` left as it is. \param paths names of the slices, for messages. \throw
+/// Error(input) where a slice has another size than the first.
+RawImage stack_slices(std::vector<RawImage> slices, const std::vector<std::string>& paths);
+
+}  // namespace treemarch

@@ -1,0 +1,16 @@
+/// \file
+/// NRRD files (.nrrd, .nhdr) through ITK.
+#pragma once
+
+#include <string>
+
+#include "treemarch/image/raw_image.h"
+
+namespace treemarch {
+
+/// Reads a NRRD file of any encoding that ITK knows (raw, gzip, ascii, hex), attached or detached. The world is the
+/// space that the file declares, in mm where it gives units; sheared directions are kept. An axis of kind time or list
+/// that comes last, or of kind list that comes first (segmentations in layers), holds volumes. \throw Error(input)
+RawImage read_nrrd(const std::string& path);
+
+}  // namespace treemarch
