@@ -1,0 +1,232 @@
+#include "treemarch/march/retreat.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <tuple>
+
+#include "treemarch/core/parallel.h"
+
+namespace treemarch {
+namespace {
+
+constexpr std::int64_t kBlock = 4096;
+constexpr std::array<double, 5> kFactor = {1, 0.7, 0.45, 0.2, 0};
+constexpr double kLeastBarycentric = 0.15;
+// A level whose high bit is set is to rise after the round.
+constexpr std::uint8_t kRise = 0x80;
+
+}  // namespace
+
+template <int Dim>
+CutGeometry<Dim>::CutGeometry(const SimplexLattice<Dim>& lattice, const SnappedLattice<Dim>& snapped,
+                              Execution& execution)
+    : lattice_(lattice),
+      snapped_(snapped),
+      vertex_level_(lattice.vertices.size(), 0),
+      cut_level_(snapped.edges.size(), 0) {
+  find_triples(execution);
+  triple_level_.assign(triples_.size(), 0);
+}
+
+template <int Dim>
+bool CutGeometry<Dim>::touched(const Simplex& simplex) const {
+  for (int k = 0; k <= Dim; ++k)
+    if (!snapped_.labels.same_single(simplex[0], simplex[k])) return true;
+  return !snapped_.labels.single(simplex[0]);
+}
+
+template <int Dim>
+unsigned CutGeometry<Dim>::cuts_of(const Simplex& simplex, std::array<EdgeId, T::kEdges>& edge) const {
+  unsigned cuts = 0;
+  for (int e = 0; e < T::kEdges; ++e) {
+    const VertexId u = simplex[T::kEdge[e][0]], v = simplex[T::kEdge[e][1]];
+    edge[e] = kNoEdge;
+    if (!snapped_.labels.disjoint(u, v)) continue;
+    edge[e] = snapped_.edges.find(u, v);
+    cuts |= 1U << e;
+  }
+  return cuts;
+}
+
+template <int Dim>
+Vec<Dim> CutGeometry<Dim>::vertex_point(VertexId v) const {
+  const std::uint8_t level = vertex_level_[v] & ~kRise;
+  if (level == 0) return snapped_.points[v];
+  const Vec<Dim> home = lattice_.point(v);
+  return home + kFactor[level] * (snapped_.points[v] - home);
+}
+
+template <int Dim>
+Vec<Dim> CutGeometry<Dim>::cut_point(EdgeId e) const {
+  const double t = 0.5 + kFactor[cut_level_[e] & ~kRise] * (snapped_.cut[e] - 0.5);
+  const Vec<Dim> a = vertex_point(snapped_.edges.lower[e]), b = vertex_point(snapped_.edges.upper[e]);
+  return a + t * (b - a);
+}
+
+/// The mean of the three cuts of a triangle, kept away from its sides.
+template <int Dim>
+Vec<Dim> CutGeometry<Dim>::triple_point(std::int64_t i) const {
+  const Triangle& v = triples_[i];
+  std::array<double, 3> weight{};
+  for (int k = 0; k < 3; ++k) {
+    const int a = k == 2 ? 0 : k, b = k == 2 ? 2 : k + 1;  // 01, 12, 02
+    const double t = snapped_.cut[snapped_.edges.find(v[a], v[b])];
+    weight[a] += (1 - t) / 3;
+    weight[b] += t / 3;
+  }
+  double sum = 0;
+  for (double& w : weight) sum += w = std::max(w, kLeastBarycentric);
+  const double factor = kFactor[triple_level_[i] & ~kRise];
+  Vec<Dim> x{};
+  for (int k = 0; k < 3; ++k) x = x + (1.0 / 3 + factor * (weight[k] / sum - 1.0 / 3)) * vertex_point(v[k]);
+  return x;
+}
+
+template <int Dim>
+void CutGeometry<Dim>::find_triples(Execution& execution) {
+  const auto n = static_cast<std::int64_t>(lattice_.simplices.size());
+  std::vector<std::vector<Triangle>> found(block_count(n, kBlock));
+  parallel_for(execution, static_cast<std::int64_t>(found.size()), 1, [&](std::int64_t block) {
+    std::array<EdgeId, T::kEdges> edge;
+    for (std::int64_t i = block * kBlock; i < std::min(n, (block + 1) * kBlock); ++i) {
+      const Simplex& simplex = lattice_.simplices[i];
+      if (!touched(simplex)) continue;
+      const unsigned cuts = cuts_of(simplex, edge);
+      for (int f = 0; f < T::kFaces; ++f) {
+        const auto& e = T::kFaceEdge[f];
+        if ((cuts >> e[0] & cuts >> e[1] & cuts >> e[2] & 1) == 0) continue;
+        Triangle t{simplex[T::kFace[f][0]], simplex[T::kFace[f][1]], simplex[T::kFace[f][2]]};
+        std::sort(t.begin(), t.end());
+        found[block].push_back(t);
+      }
+    }
+  });
+  for (const auto& block : found) triples_.insert(triples_.end(), block.begin(), block.end());
+  parallel_sort(execution, triples_);
+  triples_.erase(std::unique(triples_.begin(), triples_.end()), triples_.end());
+}
+
+template <int Dim>
+std::int64_t CutGeometry<Dim>::find_triple(Triangle triangle) const {
+  std::sort(triangle.begin(), triangle.end());
+  return std::lower_bound(triples_.begin(), triples_.end(), triangle) - triples_.begin();
+}
+
+template <int Dim>
+typename CutGeometry<Dim>::Local CutGeometry<Dim>::local(const Simplex& simplex) const {
+  Local local;
+  for (int k = 0; k <= Dim; ++k) local.point[k] = vertex_point(simplex[k]);
+  local.cuts = cuts_of(simplex, local.edge);
+  local.pattern = local.cuts;
+  local.triple.fill(-1);
+  if (local.cuts == 0) return local;
+
+  // Keys: long edges first, then cuts near the middle, then the edge's number.
+  std::array<std::tuple<std::int64_t, std::int64_t, EdgeId>, T::kEdges> key;
+  for (int e = 0; e < T::kEdges; ++e) {
+    if (!(local.cuts >> e & 1)) continue;
+    const VertexId u = simplex[T::kEdge[e][0]], v = simplex[T::kEdge[e][1]];
+    std::int64_t squared = 0;
+    for (int d = 0; d < Dim; ++d) {
+      const std::int64_t c = lattice_.vertices[v][d] - lattice_.vertices[u][d];
+      squared += c * c;
+    }
+    const double t = snapped_.cut[local.edge[e]];
+    key[e] = {-squared, std::llround(std::abs(t - 0.5) * (1 << 20)), local.edge[e]};
+    local.point[T::kCut + e] = cut_point(local.edge[e]);
+  }
+  std::array<std::uint8_t, T::kEdges> rank{};
+  for (int e = 0; e < T::kEdges; ++e)
+    for (int other = 0; other < T::kEdges; ++other)
+      if (other != e && (local.cuts >> other & local.cuts >> e & 1)) rank[e] += key[other] < key[e];
+  local.pattern = stencil_pattern<Dim>(local.cuts, rank);
+
+  for (int f = 0; f < T::kFaces; ++f) {
+    const auto& e = T::kFaceEdge[f];
+    if ((local.cuts >> e[0] & local.cuts >> e[1] & local.cuts >> e[2] & 1) == 0) continue;
+    const auto& c = T::kFace[f];
+    local.triple[f] = find_triple({simplex[c[0]], simplex[c[1]], simplex[c[2]]});
+    local.point[T::kTriple + f] = triple_point(local.triple[f]);
+  }
+  if constexpr (Dim == 3) {
+    const auto first = local.point.begin() + (local.cuts == 63 ? T::kTriple : 0);
+    local.point[T::kInner] = 0.25 * (first[0] + first[1] + first[2] + first[3]);
+  }
+  return local;
+}
+
+template <int Dim>
+StencilChoice CutGeometry<Dim>::choose(const Local& local, bool inner) const {
+  constexpr unsigned kAllCut = (1U << T::kEdges) - 1;
+  const Stencil<Dim>& all = stencil<Dim>(local.pattern);
+  StencilChoice best = best_choice<Dim>(all, local.point, Dim == 3 && local.cuts == kAllCut, enough_);
+  if (Dim == 3 && inner && local.cuts != 0 && !meets(best.angles, floor_))
+    best = best_choice<Dim>(all, local.point, true, enough_);
+  return best;
+}
+
+template <int Dim>
+template <class F>
+void CutGeometry<Dim>::for_levels(const Simplex& simplex, const Local& local, F&& f) {
+  for (const VertexId v : simplex) f(vertex_level_[v]);
+  for (int e = 0; e < T::kEdges; ++e)
+    if (local.cuts >> e & 1) f(cut_level_[local.edge[e]]);
+  for (int t = 0; t < T::kFaces; ++t)
+    if (local.triple[t] >= 0) f(triple_level_[local.triple[t]]);
+}
+
+template <int Dim>
+void CutGeometry<Dim>::retreat(double quality_floor, Execution& execution) {
+  constexpr int kWithoutInner = 2;  // rounds
+  floor_ = QualityBound(quality_floor);
+  const auto n = static_cast<std::int64_t>(lattice_.simplices.size());
+  // Simplices that may fail: in the first round all that are touched, then those around points that retreated.
+  std::vector<std::vector<std::int64_t>> pending(block_count(n, kBlock));
+  const auto blocks = static_cast<std::int64_t>(pending.size());
+  parallel_for(execution, blocks, 1, [&](std::int64_t block) {
+    for (std::int64_t i = block * kBlock; i < std::min(n, (block + 1) * kBlock); ++i)
+      if (touched(lattice_.simplices[i])) pending[block].push_back(i);
+  });
+  std::vector<std::uint8_t> vertex_rose;
+  for (rounds = 0;; ++rounds) {
+    std::atomic<bool> failed = false;
+    parallel_for(execution, blocks, 1, [&](std::int64_t block) {
+      for (const std::int64_t i : pending[block]) {
+        const Simplex& simplex = lattice_.simplices[i];
+        if (rounds > 0) {
+          bool near = false;
+          for (const VertexId v : simplex) near |= vertex_rose[v] != 0;
+          if (!near) continue;
+        }
+        Local here = local(simplex);
+        if (meets(choose(here, rounds >= kWithoutInner).angles, floor_)) continue;
+        failed.store(true, std::memory_order_relaxed);
+        for_levels(simplex, here, [](std::uint8_t& level) {
+          std::atomic_ref<std::uint8_t>(level).fetch_or(kRise, std::memory_order_relaxed);
+        });
+      }
+    });
+    if (!failed) break;
+    vertex_rose.assign(vertex_level_.size(), 0);
+    const auto rise = [](std::uint8_t& level) {
+      if (!(level & kRise)) return false;
+      level = static_cast<std::uint8_t>(std::min<int>((level & ~kRise) + 1, kLevels - 1));
+      return true;
+    };
+    // Every point of a simplex that can have changed is near a vertex of it that is marked: cuts and triple points rise only
+    // together with all vertices of the failing simplex.
+    for (std::size_t v = 0; v < vertex_level_.size(); ++v) vertex_rose[v] = rise(vertex_level_[v]);
+    for (std::uint8_t& level : cut_level_) rise(level);
+    for (std::uint8_t& level : triple_level_) rise(level);
+  }
+  const auto count = [](const std::vector<std::uint8_t>& levels) {
+    return std::count_if(levels.begin(), levels.end(), [](std::uint8_t l) { return l != 0; });
+  };
+  retreated = count(vertex_level_) + count(cut_level_) + count(triple_level_);
+}
+
+template class CutGeometry<2>;
+template class CutGeometry<3>;
+
+}  // namespace treemarch

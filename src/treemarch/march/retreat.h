@@ -1,0 +1,70 @@
+/// \file
+/// Step D of the default cut: points of stencils that are too flat go back towards their undisplaced places.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "treemarch/core/execution.h"
+#include "treemarch/march/snap.h"
+#include "treemarch/march/stencil.h"
+#include "treemarch/tessellate/body_centred.h"
+
+namespace treemarch {
+
+/// The points of a snapped lattice and how far each has retreated: a lattice vertex towards its lattice place, a cut towards
+/// the middle of its edge, a triple point towards the centroid of its triangle.
+template <int Dim>
+class CutGeometry {
+ public:
+  using T = StencilTopology<Dim>;
+  using Simplex = std::array<VertexId, Dim + 1>;
+  static constexpr int kLevels = 5;
+
+  /// Everything that a simplex needs to be split.
+  struct Local {
+    unsigned cuts = 0;     ///< bit e: edge e is cut
+    unsigned pattern = 0;  ///< see stencil_pattern()
+    std::array<EdgeId, T::kEdges> edge;
+    std::array<std::int64_t, T::kFaces> triple;  ///< index of the triple point, where a face has three cuts
+    std::array<Vec<Dim>, T::kPoints> point;
+  };
+
+  CutGeometry(const SimplexLattice<Dim>& lattice, const SnappedLattice<Dim>& snapped, Execution& execution);
+
+  /// Whether a simplex has a cut or a displaced vertex, or more than one label to choose from.
+  [[nodiscard]] bool touched(const Simplex& simplex) const;
+  [[nodiscard]] unsigned cuts_of(const Simplex& simplex, std::array<EdgeId, T::kEdges>& edge) const;
+  [[nodiscard]] Local local(const Simplex& simplex) const;
+  /// The best way to split a simplex; the inner point is taken only where nothing else meets the floor.
+  [[nodiscard]] StencilChoice choose(const Local& local, bool inner) const;
+
+  [[nodiscard]] Vec<Dim> vertex_point(VertexId v) const;
+  [[nodiscard]] Vec<Dim> cut_point(EdgeId e) const;
+  [[nodiscard]] Vec<Dim> triple_point(std::int64_t i) const;
+  [[nodiscard]] std::int64_t triple_count() const { return static_cast<std::int64_t>(triples_.size()); }
+
+  /// Retreats until every stencil meets the floor. Levels only rise and the last level passes, so it ends.
+  void retreat(double quality_floor, Execution& execution);
+
+  std::int64_t retreated = 0;  ///< points that are not where they were cut or snapped
+  int rounds = 0;
+
+ private:
+  using Triangle = std::array<VertexId, 3>;  // ascending
+  void find_triples(Execution& execution);
+  [[nodiscard]] std::int64_t find_triple(Triangle triangle) const;
+  /// Calls f(level) for each point of a stencil that can retreat.
+  template <class F>
+  void for_levels(const Simplex& simplex, const Local& local, F&& f);
+
+  const SimplexLattice<Dim>& lattice_;
+  const SnappedLattice<Dim>& snapped_;
+  std::vector<Triangle> triples_;  // ascending
+  std::vector<std::uint8_t> vertex_level_, cut_level_, triple_level_;
+  QualityBound floor_{0}, enough_{30};
+};
+
+}  // namespace treemarch

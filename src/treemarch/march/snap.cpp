@@ -1,0 +1,192 @@
+#include "treemarch/march/snap.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "treemarch/core/parallel.h"
+#include "treemarch/field/junction.h"
+
+namespace treemarch {
+namespace {
+
+constexpr std::int64_t kGrain = 2048;
+
+template <int Dim>
+class Snapper {
+ public:
+  Snapper(const SimplexLattice<Dim>& lattice, const Field<Dim>& field, const SnapOptions& options,
+          Execution& execution, SnappedLattice<Dim>& state)
+      : lattice_(lattice),
+        field_(field),
+        options_(options),
+        execution_(execution),
+        state_(state),
+        moved_(lattice.vertices.size(), 1) {}
+
+  void run() {
+    state_.cut.assign(state_.edges.size(), -1);
+    for (int round = 0; round < options_.rounds; ++round) {
+      locate_cuts();
+      if (snap_round() == 0) break;
+    }
+    locate_cuts();
+    parallel_for(execution_, static_cast<std::int64_t>(state_.cut.size()), kGrain, [&](std::int64_t e) {
+      if (state_.cut[e] < 0) return;
+      const auto keep = static_cast<float>(reach(static_cast<EdgeId>(e)));
+      state_.cut[e] = std::clamp(state_.cut[e], keep, 1 - keep);
+    });
+  }
+
+ private:
+  struct Move {
+    VertexId vertex;
+    LabelSet labels;
+    Vec<Dim> point;
+  };
+
+  /// The part of an edge within which a cut attracts the vertex.
+  [[nodiscard]] double reach(EdgeId e) const {
+    const Coord<Dim>&a = lattice_.vertices[state_.edges.lower[e]], &b = lattice_.vertices[state_.edges.upper[e]];
+    int axes = 0;
+    for (int d = 0; d < Dim; ++d) axes += a[d] != b[d];
+    return axes == 1 ? options_.long_edge : options_.short_edge;
+  }
+  [[nodiscard]] double cell_side(VertexId v) const {
+    double unit = lattice_.unit[0];
+    for (int d = 1; d < Dim; ++d) unit = std::min(unit, lattice_.unit[d]);
+    return 2 * unit * static_cast<double>(std::int64_t{1} << lattice_.spacing[v]);
+  }
+
+  void locate_cuts();
+  [[nodiscard]] double locate_cut(VertexId u, VertexId v) const;
+  std::int64_t snap_round();
+  [[nodiscard]] bool propose(VertexId v, Move& move) const;
+
+  const SimplexLattice<Dim>& lattice_;
+  const Field<Dim>& field_;
+  const SnapOptions& options_;
+  Execution& execution_;
+  SnappedLattice<Dim>& state_;
+  std::vector<std::uint8_t> moved_;  // in the last round
+};
+
+template <int Dim>
+void Snapper<Dim>::locate_cuts() {
+  parallel_for(execution_, static_cast<std::int64_t>(state_.edges.size()), kGrain, [&](std::int64_t e) {
+    const VertexId u = state_.edges.lower[e], v = state_.edges.upper[e];
+    if (!moved_[u] && !moved_[v]) return;
+    state_.cut[e] = state_.labels.disjoint(u, v) ? static_cast<float>(locate_cut(u, v)) : -1.0F;
+  });
+}
+
+/// The best weight of S(u) against the best of S(v) along the edge: a linear guess, then two steps of regula falsi; long
+/// edges, on which the field is flat at both ends, take more.
+template <int Dim>
+double Snapper<Dim>::locate_cut(VertexId u, VertexId v) const {
+  const auto a = state_.labels.of(u), b = state_.labels.of(v);
+  const Vec<Dim>&x = state_.points[u], &y = state_.points[v];
+  const auto value = [&](double t) { return best_difference(field_, x + t * (y - x), a, b); };
+  double low = 0, high = 1, f_low = std::max(0.0, value(0)), f_high = std::min(0.0, value(1));
+  const auto guess = [&] { return f_low - f_high > 0 ? low + (high - low) * f_low / (f_low - f_high) : 0.5 * (low + high); };
+  double t = guess();
+  if (field_.linear_along_edges()) return t;
+  const int steps = 2 + 2 * std::max(lattice_.spacing[u], lattice_.spacing[v]);
+  int side = 0;
+  for (int step = 0; step < steps; ++step) {
+    const double f = value(t);
+    if (std::abs(f) < 1e-4) break;
+    if (f > 0) {
+      low = t, f_low = f;
+      if (side == 1) f_high *= 0.5;  // the Illinois rule against one-sided convergence
+      side = 1;
+    } else {
+      high = t, f_high = f;
+      if (side == -1) f_low *= 0.5;
+      side = -1;
+    }
+    t = guess();
+  }
+  return t;
+}
+
+template <int Dim>
+std::int64_t Snapper<Dim>::snap_round() {
+  constexpr std::int64_t kBlock = 8192;
+  const auto n = static_cast<std::int64_t>(lattice_.vertices.size());
+  std::vector<std::vector<Move>> moves(block_count(n, kBlock));
+  parallel_for(execution_, static_cast<std::int64_t>(moves.size()), 1, [&](std::int64_t block) {
+    Move move;
+    for (std::int64_t v = block * kBlock; v < std::min(n, (block + 1) * kBlock); ++v)
+      if (propose(static_cast<VertexId>(v), move)) moves[block].push_back(move);
+  });
+  std::fill(moved_.begin(), moved_.end(), 0);
+  std::int64_t count = 0;
+  for (const auto& block : moves)
+    for (const Move& move : block) {
+      state_.snapped += state_.labels.single(move.vertex);
+      state_.labels.set_many(move.vertex, move.labels);
+      state_.points[move.vertex] = move.point;
+      moved_[move.vertex] = 1;
+      ++count;
+    }
+  return count;
+}
+
+/// The vertex takes the nearest of the cuts within reach, by quantised distance, then by the other end.
+template <int Dim>
+bool Snapper<Dim>::propose(VertexId v, Move& move) const {
+  const unsigned fixed = lattice_.hull_axes(v);
+  if (fixed == (1U << Dim) - 1) return false;
+  std::pair<std::int64_t, Coord<Dim>> nearest{std::numeric_limits<std::int64_t>::max(), {}};
+  VertexId other = v;
+  double at = 0;
+  state_.edges.for_edges_at(v, [&](EdgeId e, VertexId w) {
+    if (state_.cut[e] < 0) return;
+    const double t = v < w ? state_.cut[e] : 1 - state_.cut[e];
+    if (t > reach(e)) return;
+    const double distance = t * norm(state_.points[w] - state_.points[v]) / cell_side(v);
+    const std::pair<std::int64_t, Coord<Dim>> key{std::llround(distance * (1 << 20)), lattice_.vertices[w]};
+    if (key < nearest) nearest = key, other = w, at = t;
+  });
+  if (other == v) return false;
+  const Vec<Dim> cut = state_.points[v] + at * (state_.points[other] - state_.points[v]);
+  const auto ends = state_.labels.of(other);
+  MaterialId gained = ends[0];
+  float best = field_.weight(cut, gained);
+  for (std::size_t k = 1; k < ends.size(); ++k)
+    if (const float w = field_.weight(cut, ends[k]); w > best) best = w, gained = ends[k];
+  move.vertex = v;
+  move.labels = state_.labels.set_of(v);
+  if (move.labels.size() == LabelSet::kMost) return false;
+  move.labels.insert(gained);
+  const bool on_cut = move.labels.size() == 2 && (fixed & ~lattice_.hull_axes(other)) == 0;
+  move.point = on_cut ? cut : move_to_junction(field_, state_.points[v], move.labels.items(), fixed);
+  const Vec<Dim> home = lattice_.point(v);
+  const double distance = norm(move.point - home), most = options_.max_displacement * cell_side(v);
+  if (distance > most) move.point = home + (most / distance) * (move.point - home);
+  return true;
+}
+
+}  // namespace
+
+template <int Dim>
+SnappedLattice<Dim> snap_vertices(const SimplexLattice<Dim>& lattice, VertexLabels labels, const Field<Dim>& field,
+                                  const SnapOptions& options, Execution& execution) {
+  SnappedLattice<Dim> state;
+  state.labels = std::move(labels);
+  state.edges = separated_edges(lattice, state.labels, execution);
+  state.points.resize(lattice.vertices.size());
+  parallel_for(execution, static_cast<std::int64_t>(state.points.size()), kGrain,
+               [&](std::int64_t v) { state.points[v] = lattice.point(static_cast<VertexId>(v)); });
+  Snapper<Dim>(lattice, field, options, execution, state).run();
+  return state;
+}
+
+template SnappedLattice<2> snap_vertices(const SimplexLattice<2>&, VertexLabels, const Field<2>&, const SnapOptions&,
+                                         Execution&);
+template SnappedLattice<3> snap_vertices(const SimplexLattice<3>&, VertexLabels, const Field<3>&, const SnapOptions&,
+                                         Execution&);
+
+}  // namespace treemarch
