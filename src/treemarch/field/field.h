@@ -57,6 +57,8 @@ class Field {
   /// Whether the field makes sense at lattice points only and is to be interpolated linearly along edges between them.
   [[nodiscard]] bool linear_along_edges() const { return kind_ == FieldKind::solid_angle; }
   [[nodiscard]] FieldKind kind() const { return kind_; }
+  /// Sides of a voxel.
+  [[nodiscard]] const Vec<Dim>& spacing() const { return spacing_; }
   /// Bytes held.
   [[nodiscard]] std::size_t memory() const;
   [[nodiscard]] const Bricks<Dim>& bricks() const { return bricks_; }

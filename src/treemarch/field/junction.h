@@ -14,10 +14,9 @@ template <int Dim>
 float best_difference(const Field<Dim>& field, const Vec<Dim>& x, std::span<const MaterialId> a,
                       std::span<const MaterialId> b);
 
-/// Moves a point to where the weights of all `labels` are equal, by a few damped Gauss-Newton steps of at most half a voxel.
-/// \param fixed_axes bit d is set where the point must not move along axis d.
-/// \param steps at most so many.
-/// \pre 2 <= labels.size() <= 8
+/// Moves a point to where the weights of all `labels` are equal, by a few damped Gauss-Newton steps of at most half a
+/// voxel. \param fixed_axes bit d is set where the point must not move along axis d. \param steps at most so many. \pre
+/// 2 <= labels.size() <= 8
 template <int Dim>
 Vec<Dim> move_to_junction(const Field<Dim>& field, Vec<Dim> x, std::span<const MaterialId> labels, unsigned fixed_axes,
                           int steps = 3);

@@ -1,7 +1,7 @@
 /// \file
-/// The default cut: splits a lattice along the interfaces of any number of materials in one pass, with a proved bound on the
-/// angles. Source: design section 7; the idea of snapping and of clamped cuts is that of isosurface stuffing (Labelle and
-/// Shewchuk 2007). See docs/stages/cut.md.
+/// The default cut: splits a lattice along the interfaces of any number of materials in one pass, with a proved bound
+/// on the angles. Source: design section 7; the idea of snapping and of clamped cuts is that of isosurface stuffing
+/// (Labelle and Shewchuk 2007). See docs/stages/cut.md.
 #pragma once
 
 #include <cstdint>
@@ -16,8 +16,8 @@ namespace treemarch {
 
 struct CutOptions {
   SnapOptions snap;
-  /// No stencil is left with a quality (mesh/simplex_quality.h) below this, in degrees. At most the bound of the undisplaced
-  /// stencils: 18.43 on trees with cubic cells, 30 where the tree is uniform.
+  /// No stencil is left with a quality (mesh/simplex_quality.h) below this, in degrees. At most the bound of the
+  /// undisplaced stencils: 18.43 on trees with cubic cells, 30 where the tree is uniform.
   double quality_floor = 18;
 };
 
@@ -29,10 +29,9 @@ struct CutReport {
   int retreat_rounds = 0;
 };
 
-/// Cuts a lattice. The mesh has the materials `labels` of the image, every interface is a union of facets, and its hull is
-/// the lattice's box.
-/// \param image_labels the image's value of each material, copied into the mesh.
-/// \pre options.quality_floor is at most the bound of the lattice's undisplaced stencils.
+/// Cuts a lattice. The mesh has the materials `labels` of the image, every interface is a union of facets, and its hull
+/// is the lattice's box. \param image_labels the image's value of each material, copied into the mesh. \pre
+/// options.quality_floor is at most the bound of the lattice's undisplaced stencils.
 template <int Dim>
 Mesh<Dim> cut_lattice(const SimplexLattice<Dim>& lattice, const Field<Dim>& field,
                       const std::vector<std::int32_t>& image_labels, const CutOptions& options, CutReport& report,

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <stdexcept>
 #include <tuple>
 
 #include "treemarch/core/parallel.h"
@@ -178,7 +179,8 @@ void CutGeometry<Dim>::for_levels(const Simplex& simplex, const Local& local, F&
 
 template <int Dim>
 void CutGeometry<Dim>::retreat(double quality_floor, Execution& execution) {
-  constexpr int kWithoutInner = 2;  // rounds
+  constexpr int kWithoutInner = 2;   // rounds
+  constexpr int kMostRounds = 1000;  // far more than levels can rise one by one around a vertex
   floor_ = QualityBound(quality_floor);
   const auto n = static_cast<std::int64_t>(lattice_.simplices.size());
   // Simplices that may fail: in the first round all that are touched, then those around points that retreated.
@@ -208,14 +210,16 @@ void CutGeometry<Dim>::retreat(double quality_floor, Execution& execution) {
       }
     });
     if (!failed) break;
+    if (rounds == kMostRounds)
+      throw std::logic_error("the quality floor is above the bound of the lattice's undisplaced stencils");
     vertex_rose.assign(vertex_level_.size(), 0);
     const auto rise = [](std::uint8_t& level) {
       if (!(level & kRise)) return false;
       level = static_cast<std::uint8_t>(std::min<int>((level & ~kRise) + 1, kLevels - 1));
       return true;
     };
-    // Every point of a simplex that can have changed is near a vertex of it that is marked: cuts and triple points rise only
-    // together with all vertices of the failing simplex.
+    // Every point of a simplex that can have changed is near a vertex of it that is marked: cuts and triple points rise
+    // only together with all vertices of the failing simplex.
     for (std::size_t v = 0; v < vertex_level_.size(); ++v) vertex_rose[v] = rise(vertex_level_[v]);
     for (std::uint8_t& level : cut_level_) rise(level);
     for (std::uint8_t& level : triple_level_) rise(level);

@@ -14,8 +14,8 @@
 
 namespace treemarch {
 
-/// The points of a snapped lattice and how far each has retreated: a lattice vertex towards its lattice place, a cut towards
-/// the middle of its edge, a triple point towards the centroid of its triangle.
+/// The points of a snapped lattice and how far each has retreated: a lattice vertex towards its lattice place, a cut
+/// towards the middle of its edge, a triple point towards the centroid of its triangle.
 template <int Dim>
 class CutGeometry {
  public:

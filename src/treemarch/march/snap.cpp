@@ -16,8 +16,8 @@ constexpr std::int64_t kGrain = 2048;
 template <int Dim>
 class Snapper {
  public:
-  Snapper(const SimplexLattice<Dim>& lattice, const Field<Dim>& field, const SnapOptions& options,
-          Execution& execution, SnappedLattice<Dim>& state)
+  Snapper(const SimplexLattice<Dim>& lattice, const Field<Dim>& field, const SnapOptions& options, Execution& execution,
+          SnappedLattice<Dim>& state)
       : lattice_(lattice),
         field_(field),
         options_(options),
@@ -81,18 +81,20 @@ void Snapper<Dim>::locate_cuts() {
   });
 }
 
-/// The best weight of S(u) against the best of S(v) along the edge: a linear guess, then two steps of regula falsi; long
-/// edges, on which the field is flat at both ends, take more.
+/// The best weight of S(u) against the best of S(v) along the edge: a linear guess, then two steps of regula falsi;
+/// long edges, on which the field is flat at both ends, take more.
 template <int Dim>
 double Snapper<Dim>::locate_cut(VertexId u, VertexId v) const {
   const auto a = state_.labels.of(u), b = state_.labels.of(v);
   const Vec<Dim>&x = state_.points[u], &y = state_.points[v];
-  const auto value = [&](double t) { return best_difference(field_, x + t * (y - x), a, b); };
+  const auto value = [&](double t) { return double{best_difference<Dim>(field_, x + t * (y - x), a, b)}; };
   double low = 0, high = 1, f_low = std::max(0.0, value(0)), f_high = std::min(0.0, value(1));
-  const auto guess = [&] { return f_low - f_high > 0 ? low + (high - low) * f_low / (f_low - f_high) : 0.5 * (low + high); };
+  const auto guess = [&] {
+    return f_low - f_high > 0 ? low + (high - low) * f_low / (f_low - f_high) : 0.5 * (low + high);
+  };
   double t = guess();
   if (field_.linear_along_edges()) return t;
-  const int steps = 2 + 2 * std::max(lattice_.spacing[u], lattice_.spacing[v]);
+  const int steps = 2 + 2 * std::max(int{lattice_.spacing[u]}, int{lattice_.spacing[v]});
   int side = 0;
   for (int step = 0; step < steps; ++step) {
     const double f = value(t);

@@ -26,8 +26,8 @@ struct SnappedLattice {
   VertexLabels labels;           ///< grown by the labels that a vertex was snapped to
   std::vector<Vec<Dim>> points;  ///< positions after snapping
   EdgeTable edges;               ///< separated before snapping
-  /// Where an edge that is still separated is cut: the fraction from its lower to its upper vertex, at a distance from both
-  /// ends; negative where the edge is not cut.
+  /// Where an edge that is still separated is cut: the fraction from its lower to its upper vertex, at a distance from
+  /// both ends; negative where the edge is not cut.
   std::vector<float> cut;
   std::int64_t snapped = 0;  ///< vertices that moved
 
