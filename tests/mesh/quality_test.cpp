@@ -14,21 +14,21 @@ using testing::box_mesh;
 using testing::mixed_mesh;
 
 TEST(DihedralAngles, OfKnownTetrahedra) {
-  const AngleRange regular = dihedral_angles({Vec<3>{0, 0, 0}, {1, 1, 0}, {1, 0, 1}, {0, 1, 1}});
+  const DegreeRange regular = dihedral_angles({Vec<3>{0, 0, 0}, {1, 1, 0}, {1, 0, 1}, {0, 1, 1}});
   EXPECT_NEAR(regular.min, 70.528779, 1e-6);
   EXPECT_NEAR(regular.max, 70.528779, 1e-6);
-  const AngleRange corner = dihedral_angles({Vec<3>{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}});
+  const DegreeRange corner = dihedral_angles({Vec<3>{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}});
   EXPECT_NEAR(corner.min, 54.735610, 1e-6);
   EXPECT_NEAR(corner.max, 90, 1e-6);
   EXPECT_EQ(corner, dihedral_angles({Vec<3>{1, 0, 0}, {0, 0, 0}, {0, 1, 0}, {0, 0, 1}}));  // inverted
-  const AngleRange flat = dihedral_angles({Vec<3>{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}});
+  const DegreeRange flat = dihedral_angles({Vec<3>{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}});
   EXPECT_NEAR(flat.min, 0, 1e-6);
   EXPECT_NEAR(flat.max, 180, 1e-6);
-  EXPECT_EQ(dihedral_angles({Vec<3>{0, 0, 0}, {0, 0, 0}, {0, 1, 0}, {1, 1, 0}}), (AngleRange{0, 180}));
+  EXPECT_EQ(dihedral_angles({Vec<3>{0, 0, 0}, {0, 0, 0}, {0, 1, 0}, {1, 1, 0}}), (DegreeRange{0, 180}));
 }
 
 TEST(TriangleAngles, OfKnownTriangles) {
-  const AngleRange a = triangle_angles({Vec<2>{0, 0}, {1, 0}, {0, std::sqrt(3.0)}});
+  const DegreeRange a = triangle_angles({Vec<2>{0, 0}, {1, 0}, {0, std::sqrt(3.0)}});
   EXPECT_NEAR(a.min, 30, 1e-9);
   EXPECT_NEAR(a.max, 90, 1e-9);
 }
@@ -36,7 +36,7 @@ TEST(TriangleAngles, OfKnownTriangles) {
 TEST(CellAngles, OfMixedCells) {
   const Mesh<3> mesh = mixed_mesh();
   for (const CellBlock& block : mesh.blocks) {
-    const AngleRange a = cell_angles<3>(mesh.points.data(), block.type, block.cell(0));
+    const DegreeRange a = cell_angles<3>(mesh.points.data(), block.type, block.cell(0));
     if (block.type == CellType::hexahedron) {
       EXPECT_NEAR(a.min, 90, 1e-9);
       EXPECT_NEAR(a.max, 90, 1e-9);

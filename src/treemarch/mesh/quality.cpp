@@ -25,7 +25,7 @@ struct CosineRange {
     of_smallest = std::max(of_smallest, c);
     of_largest = std::min(of_largest, c);
   }
-  [[nodiscard]] AngleRange degrees() const {
+  [[nodiscard]] DegreeRange degrees() const {
     constexpr double kDegrees = 180 / std::numbers::pi;
     return {std::acos(std::min(1.0, of_smallest)) * kDegrees, std::acos(std::max(-1.0, of_largest)) * kDegrees};
   }
@@ -117,7 +117,7 @@ MeshQuality measure_block(const Mesh<Dim>& mesh, const CellBlock& block, const F
     for (std::int64_t c = begin; c < end; ++c) {
       std::array<Vec<Dim>, 8> p{};
       for (int i = 0; i < corners; ++i) p[i] = turned(frame, mesh.points[block.cell(c)[i]]);
-      const AngleRange angles = cell_cosines<Dim>(p, block.type).degrees();
+      const DegreeRange angles = cell_cosines<Dim>(p, block.type).degrees();
       q.angles.add(angles);
       ++q.smallest[bin(angles.min)];
       ++q.largest[bin(angles.max)];
@@ -134,16 +134,16 @@ MeshQuality measure_block(const Mesh<Dim>& mesh, const CellBlock& block, const F
 
 }  // namespace
 
-AngleRange dihedral_angles(const std::array<Vec<3>, 4>& tetrahedron) {
+DegreeRange dihedral_angles(const std::array<Vec<3>, 4>& tetrahedron) {
   return tetrahedron_cosines(tetrahedron).degrees();
 }
 
-AngleRange triangle_angles(const std::array<Vec<2>, 3>& triangle) {
+DegreeRange triangle_angles(const std::array<Vec<2>, 3>& triangle) {
   return cell_cosines<2>({triangle[0], triangle[1], triangle[2]}, CellType::triangle).degrees();
 }
 
 template <int Dim>
-AngleRange cell_angles(const Vec<Dim>* points, CellType type, const VertexId* v) {
+DegreeRange cell_angles(const Vec<Dim>* points, CellType type, const VertexId* v) {
   std::array<Vec<Dim>, 8> p{};
   for (int i = 0; i < vertex_count(type); ++i) p[i] = points[v[i]];
   return cell_cosines<Dim>(p, type).degrees();
@@ -170,8 +170,8 @@ MeshQuality measure_quality(const Mesh<Dim>& mesh, const Frame<Dim>& frame, int 
   return quality;
 }
 
-template AngleRange cell_angles(const Vec<2>*, CellType, const VertexId*);
-template AngleRange cell_angles(const Vec<3>*, CellType, const VertexId*);
+template DegreeRange cell_angles(const Vec<2>*, CellType, const VertexId*);
+template DegreeRange cell_angles(const Vec<3>*, CellType, const VertexId*);
 template MeshQuality measure_quality(const Mesh<2>&, const Frame<2>&, int, const Execution&);
 template MeshQuality measure_quality(const Mesh<3>&, const Frame<3>&, int, const Execution&);
 

@@ -14,37 +14,37 @@
 namespace treemarch {
 
 /// Smallest and largest of some angles, in degrees.
-struct AngleRange {
+struct DegreeRange {
   double min = 180;
   double max = 0;
-  void add(const AngleRange& other) {
+  void add(const DegreeRange& other) {
     min = std::min(min, other.min);
     max = std::max(max, other.max);
   }
-  bool operator==(const AngleRange&) const = default;
+  bool operator==(const DegreeRange&) const = default;
 };
 
 /// Dihedral angles of a tetrahedron, whatever its orientation. A flat one has 0 and 180, one with repeated points too.
-[[nodiscard]] AngleRange dihedral_angles(const std::array<Vec<3>, 4>& tetrahedron);
+[[nodiscard]] DegreeRange dihedral_angles(const std::array<Vec<3>, 4>& tetrahedron);
 
 /// Angles of a triangle.
-[[nodiscard]] AngleRange triangle_angles(const std::array<Vec<2>, 3>& triangle);
+[[nodiscard]] DegreeRange triangle_angles(const std::array<Vec<2>, 3>& triangle);
 
 /// Angles between the sides (2D) or dihedral angles between the facets (3D) of any cell, taken at its corners: exact
 /// where the facets are flat. \pre points[v[i]] exists; dimension(type) == Dim.
 template <int Dim>
-[[nodiscard]] AngleRange cell_angles(const Vec<Dim>* points, CellType type, const VertexId* v);
+[[nodiscard]] DegreeRange cell_angles(const Vec<Dim>* points, CellType type, const VertexId* v);
 
 struct WorstCell {
   CellType type{};
   std::int64_t cell = 0;  ///< within the block of its type
-  AngleRange angles;
+  DegreeRange angles;
   Vec<3> centre{};  ///< mean of its vertices in the world; z = 0 in 2D
   std::int32_t label = 0;
 };
 
 struct MeshQuality {
-  AngleRange angles;  ///< of all cells; {180, 0} where there are none
+  DegreeRange angles;  ///< of all cells; {180, 0} where there are none
   /// Cells by their smallest and their largest angle, in bins of one degree.
   std::array<std::int64_t, 180> smallest{}, largest{};
   double mean_smallest = 0;      ///< mean over the cells of their smallest angle
