@@ -1,0 +1,200 @@
+#include "treemarch/smooth/strata.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+
+#include "treemarch/core/error.h"
+#include "treemarch/core/parallel.h"
+
+namespace treemarch {
+
+namespace {
+
+const CellBlock& find_simplices(const std::vector<CellBlock>& blocks, CellType simplex) {
+  static const CellBlock kEmpty;
+  const auto found = std::ranges::find(blocks, simplex, &CellBlock::type);
+  return found == blocks.end() ? kEmpty : *found;
+}
+
+/// A neighbour and up to three of the materials around the edge to it.
+struct EdgeMaterials {
+  VertexId vertex;
+  int count;
+  std::array<MaterialId, 3> materials;
+
+  void add(MaterialId m) {
+    for (int i = 0; i < count; ++i) {
+      if (materials[static_cast<std::size_t>(i)] == m) return;
+    }
+    if (count < 3) materials[static_cast<std::size_t>(count++)] = m;
+  }
+};
+
+constexpr std::int64_t kBlock = 4096;
+
+}  // namespace
+
+template <int Dim>
+VertexCells::VertexCells(const CellBlock& simplices, const std::vector<Vec<Dim>>& points)
+    : first_(points.size() + 1, 0), cells_(simplices.vertices.size()) {
+  if (simplices.size() > 0xffffffffLL) {
+    throw Error(ErrorKind::limits, "smooth: more than 2^32 - 1 cells; choose larger cells");
+  }
+  for (const VertexId v : simplices.vertices) ++first_[v];
+  exclusive_scan(std::span(first_));
+  for (std::int64_t c = 0; c < simplices.size(); ++c) {
+    for (int k = 0; k <= Dim; ++k) cells_[first_[simplices.cell(c)[k]]++] = static_cast<std::uint32_t>(c);
+  }
+  // Each entry has moved on to where the next vertex begins.
+  std::move_backward(first_.begin(), first_.end() - 1, first_.end());
+  first_[0] = 0;
+}
+
+template <int Dim>
+Strata<Dim>::Strata(const Mesh<Dim>& mesh, const Execution& execution)
+    : mesh_(mesh),
+      simplices_(find_simplices(mesh.blocks, kSimplex<Dim>)),
+      cells_(simplices_, mesh.points),
+      faces_(mesh.points.size(), 0),
+      subset_(mesh.points.size(), Subset::fixed) {
+  find_faces(execution);
+  classify(execution);
+}
+
+template <int Dim>
+void Strata<Dim>::find_faces(const Execution& execution) {
+  if (mesh_.points.empty()) return;
+  Vec<Dim> low = mesh_.points[0];
+  Vec<Dim> high = low;
+  for (const Vec<Dim>& x : mesh_.points) {
+    for (int d = 0; d < Dim; ++d) {
+      low[d] = std::min(low[d], x[d]);
+      high[d] = std::max(high[d], x[d]);
+    }
+  }
+  parallel_for(execution, static_cast<std::int64_t>(faces_.size()), kBlock, [&](std::int64_t v) {
+    const Vec<Dim>& x = mesh_.points[static_cast<std::size_t>(v)];
+    unsigned faces = 0;
+    for (int d = 0; d < Dim; ++d) {
+      faces |= static_cast<unsigned>(x[d] == low[d]) << d;
+      faces |= static_cast<unsigned>(x[d] == high[d]) << (Dim + d);
+    }
+    faces_[static_cast<std::size_t>(v)] = static_cast<std::uint8_t>(faces);
+  });
+}
+
+template <int Dim>
+void Strata<Dim>::classify(const Execution& execution) {
+  parallel_for(execution, static_cast<std::int64_t>(subset_.size()), kBlock, [&](std::int64_t i) {
+    const auto v = static_cast<VertexId>(i);
+    if (cells_[v].empty()) return;
+    EdgeMaterials around{v, 0, {}};
+    for (const std::uint32_t c : cells_[v]) around.add(simplices_.materials[c]);
+    const int left = Dim - std::popcount(pinned(v)) - (around.count - 1);
+    if (left < 1) return;
+    constexpr Subset kSubset[] = {Subset::volume, Subset::interface, Subset::curve};
+    subset_[v] = kSubset[around.count - 1];
+  });
+  for (const CellBlock& block : mesh_.blocks) {
+    if (block.type == kSimplex<Dim>) continue;
+    for (const VertexId v : block.vertices) subset_[v] = Subset::fixed;
+  }
+}
+
+template <int Dim>
+bool Strata<Dim>::append_neighbours(VertexId v, std::vector<VertexId>& out) const {
+  thread_local std::vector<EdgeMaterials> edges;
+  edges.clear();
+  for (const std::uint32_t c : cells_[v]) {
+    for (int k = 0; k <= Dim; ++k) {
+      const VertexId w = simplices_.cell(c)[k];
+      if (w == v || (faces_[v] & ~faces_[w]) != 0) continue;
+      auto edge = std::ranges::find(edges, w, &EdgeMaterials::vertex);
+      if (edge == edges.end()) edge = edges.insert(edge, {w, 0, {}});
+      edge->add(simplices_.materials[c]);
+    }
+  }
+  // Materials around an edge of the subset: as many as around the vertex.
+  const int needed = subset_[v] == Subset::volume ? 1 : subset_[v] == Subset::interface ? 2 : 3;
+  const std::size_t begin = out.size();
+  for (const EdgeMaterials& edge : edges) {
+    if (edge.count >= needed) out.push_back(edge.vertex);
+  }
+  std::sort(out.begin() + static_cast<std::ptrdiff_t>(begin), out.end());
+  const std::size_t count = out.size() - begin;
+  const int left = Dim - std::popcount(pinned(v)) - (needed - 1);
+  if (left == 1 ? count == 2 : count > 2) return true;
+  out.resize(begin);
+  return false;
+}
+
+template <int Dim>
+SubsetGraph Strata<Dim>::graph(Subset subset, const Execution& execution) const {
+  struct Part {
+    std::vector<VertexId> vertices, neighbours;
+    std::vector<std::uint64_t> ends;
+  };
+  const auto points = static_cast<std::int64_t>(subset_.size());
+  std::vector<Part> parts(static_cast<std::size_t>(block_count(points, kBlock)));
+  parallel_for(execution, static_cast<std::int64_t>(parts.size()), 1, [&](std::int64_t b) {
+    Part& part = parts[static_cast<std::size_t>(b)];
+    for (std::int64_t v = b * kBlock; v < std::min(points, (b + 1) * kBlock); ++v) {
+      if (subset_[static_cast<std::size_t>(v)] != subset) continue;
+      if (!append_neighbours(static_cast<VertexId>(v), part.neighbours)) continue;
+      part.vertices.push_back(static_cast<VertexId>(v));
+      part.ends.push_back(part.neighbours.size());
+    }
+  });
+  SubsetGraph graph;
+  graph.first.push_back(0);
+  for (Part& part : parts) {
+    const std::uint64_t begin = graph.neighbours.size();
+    graph.vertices.insert(graph.vertices.end(), part.vertices.begin(), part.vertices.end());
+    graph.neighbours.insert(graph.neighbours.end(), part.neighbours.begin(), part.neighbours.end());
+    for (const std::uint64_t end : part.ends) graph.first.push_back(begin + end);
+    part = {};
+  }
+  colour(graph);
+  return graph;
+}
+
+/// First fit in the order of the ids: cheap enough in series, and the same for any number of threads.
+template <int Dim>
+void Strata<Dim>::colour(SubsetGraph& graph) const {
+  constexpr std::uint16_t kNone = 0xffff;
+  std::vector<std::uint16_t> colour_of(subset_.size(), kNone);
+  std::vector<std::uint32_t> counts;
+  std::vector<std::uint32_t> seen_by;  // per colour: the last vertex with such a neighbour, plus one
+  for (std::size_t i = 0; i < graph.vertices.size(); ++i) {
+    const VertexId v = graph.vertices[i];
+    const auto mark = static_cast<std::uint32_t>(i) + 1;
+    for (const std::uint32_t c : cells_[v]) {
+      for (int k = 0; k <= Dim; ++k) {
+        const std::uint16_t other = colour_of[simplices_.cell(c)[k]];
+        if (other != kNone) seen_by[other] = mark;
+      }
+    }
+    const auto own = std::ranges::find_if(seen_by, [&](std::uint32_t s) { return s != mark; }) - seen_by.begin();
+    if (own == std::ssize(seen_by)) {
+      seen_by.push_back(0);
+      counts.push_back(0);
+    }
+    colour_of[v] = static_cast<std::uint16_t>(own);
+    ++counts[static_cast<std::size_t>(own)];
+  }
+  counts.push_back(0);
+  exclusive_scan(std::span(counts));
+  graph.colours = counts;
+  graph.by_colour.resize(graph.vertices.size());
+  for (std::size_t i = 0; i < graph.vertices.size(); ++i) {
+    graph.by_colour[counts[colour_of[graph.vertices[i]]]++] = static_cast<std::uint32_t>(i);
+  }
+}
+
+template VertexCells::VertexCells(const CellBlock&, const std::vector<Vec<2>>&);
+template VertexCells::VertexCells(const CellBlock&, const std::vector<Vec<3>>&);
+template class Strata<2>;
+template class Strata<3>;
+
+}  // namespace treemarch
