@@ -23,11 +23,11 @@ struct Row {
 };
 
 template <int Dim>
-AngleRange worst_angles(const Row& row, int side) {
+DegreeRange worst_angles(const Row& row, int side) {
   Execution execution(1);
   MidpointOptions options;
   options.templates = row.templates;
-  AngleRange worst;
+  DegreeRange worst;
   for (unsigned seed = 0; seed < (row.density > 0 ? 40U : 1U); ++seed) {
     const double density = row.density * (1 + seed % 4);
     auto tree = testing::tree_of<Dim>({row.pattern, row.balance, {side}, seed, density}, 1);
@@ -42,7 +42,7 @@ void check(const std::vector<Row>& rows) {
   for (const Row& row : rows) {
     std::int32_t side = 1;
     for (const std::string& f : row.pattern) side *= f[0] - '0';
-    const AngleRange found = worst_angles<Dim>(row, side * (Dim == 2 ? 4 : 1));
+    const DegreeRange found = worst_angles<Dim>(row, side * (Dim == 2 ? 4 : 1));
     EXPECT_NEAR(found.min, row.min, 0.05) << row.name;
     EXPECT_NEAR(found.max, row.max, 0.05) << row.name;
   }
