@@ -104,7 +104,7 @@ PaperMarchReport march_materials(Mesh<Dim>& mesh, const PaperMarchOptions<Dim>& 
   }
   ActiveCells<Dim> cells(mesh);
   Buckets<Dim> buckets(cells, static_cast<VertexId>(mesh.points.size()), turn);
-  PaperSeparation<Dim> separation(cells, mesh.points, options, execution);
+  PaperSeparation<Dim> separation(cells, mesh.points, order.size(), options, execution);
   for (const MaterialId m : order) {
     if (turn[m] == 0) continue;
     const auto changed = separation.separate(m, buckets.take(m, execution), report);

@@ -19,6 +19,10 @@ struct PaperMarchOptions {
   double snap = 0.2;
   /// A vertex lies on the surface if f differs from 1/2 by no more than this.
   double tolerance = 1e-6;
+  /// Whether the surface between two materials is separated in the turn of both, as in the paper, or of the first
+  /// alone: then vertices that touch the material and just one of an earlier turn count as on the surface. Revisiting
+  /// moves a surface by a little and so makes slivers.
+  bool revisit = false;
   /// Separating function by position; empty for solid angles on the current mesh (paper eq. 2).
   MaterialField<Dim> field;
 };

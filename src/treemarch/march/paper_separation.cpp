@@ -86,12 +86,13 @@ constexpr std::uint64_t edge_key(VertexId a, VertexId b) {
 }  // namespace
 
 template <int Dim>
-PaperSeparation<Dim>::PaperSeparation(ActiveCells<Dim>& cells, std::vector<Vec<Dim>>& points,
+PaperSeparation<Dim>::PaperSeparation(ActiveCells<Dim>& cells, std::vector<Vec<Dim>>& points, std::size_t materials,
                                       const PaperMarchOptions<Dim>& options, Execution& execution)
     : cells_(cells),
       points_(points),
       options_(options),
       execution_(execution),
+      separated_(materials, 0),
       sign_(points.size(), kOneSided),
       offset_(points.size(), 0.0),
       in_region_(cells.size(), 0) {
@@ -121,6 +122,7 @@ std::vector<typename PaperSeparation<Dim>::Index> PaperSeparation<Dim>::separate
   apply(report);
   assign_lost(report);
   for (const VertexId v : vertices_) sign_[v] = kOneSided;
+  separated_[material] = 1;
   std::ranges::sort(changed_);
   return std::move(changed_);
 }
@@ -173,6 +175,7 @@ void PaperSeparation<Dim>::evaluate() {
     }
     for (std::int64_t i = begin; i < end; ++i) {
       const VertexId v = vertices_[static_cast<std::size_t>(i)];
+      if (!options_.revisit && on_earlier_surface(v)) offset_[v] = 0;
       sign_[v] = static_cast<std::int8_t>((offset_[v] > options_.tolerance) - (offset_[v] < -options_.tolerance));
     }
   });
@@ -188,6 +191,20 @@ void PaperSeparation<Dim>::evaluate_solid_angles(std::size_t i) {
     if (cells_.material(c) == material_) inside += ratio;
   });
   offset_[vertices_[i]] = inside / all - 0.5;
+}
+
+/// Whether a vertex touches the material and just one other, which was separated before.
+template <int Dim>
+bool PaperSeparation<Dim>::on_earlier_surface(VertexId v) const {
+  MaterialId other = kOutside;
+  bool only = true;
+  cells_.for_each_cell(v, [&](Index c, int) {
+    const MaterialId m = cells_.material(c);
+    if (m == material_ || m == other) return;
+    only = only && other == kOutside;
+    other = m;
+  });
+  return only && separated_[other] != 0;
 }
 
 template <int Dim>

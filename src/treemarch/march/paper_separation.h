@@ -22,9 +22,10 @@ class PaperSeparation {
   using Index = typename ActiveCells<Dim>::Index;
   using Cell = typename ActiveCells<Dim>::Cell;
 
+  /// \param materials number of materials
   /// \pre `points` belongs to the mesh of `cells`; both outlive this object
-  PaperSeparation(ActiveCells<Dim>& cells, std::vector<Vec<Dim>>& points, const PaperMarchOptions<Dim>& options,
-                  Execution& execution);
+  PaperSeparation(ActiveCells<Dim>& cells, std::vector<Vec<Dim>>& points, std::size_t materials,
+                  const PaperMarchOptions<Dim>& options, Execution& execution);
 
   /// Separates one material. Adds to the counts of `report`.
   /// \param candidates vertices, sorted: at least all that touch both the material and another
@@ -47,6 +48,7 @@ class PaperSeparation {
   void find_region();
   void evaluate();
   void evaluate_solid_angles(std::size_t i);
+  [[nodiscard]] bool on_earlier_surface(VertexId v) const;
   [[nodiscard]] std::int8_t sign(Index c, int corner) const;
   [[nodiscard]] double offset(Index c, int corner) const;
   [[nodiscard]] Signs signs(Index c) const;
@@ -75,6 +77,7 @@ class PaperSeparation {
   Vec<Dim> low_, high_;  ///< bounding box
 
   MaterialId material_ = kOutside;
+  std::vector<std::uint8_t> separated_;  ///< per material: whether its turn is over
   std::vector<VertexId> vertices_;       ///< that touch both sides, ascending
   std::vector<Index> region_;            ///< cells of vertices_, ascending
   std::vector<std::int8_t> sign_;        ///< per vertex of the mesh: of f - 1/2, or kOneSided
