@@ -2,7 +2,6 @@
 
 #include <chrono>
 
-#include "treemarch/core/error.h"
 #include "treemarch/pipeline/drop_material.h"
 #include "treemarch/pipeline/methods.h"
 #include "treemarch/pipeline/prepare.h"
@@ -12,9 +11,6 @@ namespace treemarch {
 template <int Dim>
 MeshResult<Dim> mesh_image(const LabelImage<Dim>& image, const MeshOptions& options, Execution& execution) {
   const auto start = std::chrono::steady_clock::now();
-  if (options.max_size > 0 && options.min_size > options.max_size)
-    throw Error(ErrorKind::usage, "--min-size: is above --max-size; give a smaller one");
-
   MeshResult<Dim> result;
   result.mesh = options.method == Method::paper ? mesh_by_paper(image, options, execution)
                                                 : mesh_with_guarantee(image, options, execution);

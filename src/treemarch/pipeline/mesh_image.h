@@ -11,6 +11,7 @@
 #include "treemarch/field/field.h"
 #include "treemarch/image/label_image.h"
 #include "treemarch/mesh/mesh.h"
+#include "treemarch/sizing/sizing_rule.h"
 
 namespace treemarch {
 
@@ -20,24 +21,12 @@ enum class Method {
   guaranteed,  ///< body-centred lattice and one cut for all materials, with a bound on the angles
 };
 
-/// What a mesh should be like. Lengths are in millimetres; 0 leaves the choice to the method.
+/// What a mesh should be like.
 struct MeshOptions {
-  struct MaterialSize {
-    MaterialId material = 0;
-    double size = 0;
-  };
-  struct InterfaceSize {
-    MaterialId first = 0, second = 0;
-    double size = 0;
-  };
-
   Method method = Method::paper;
-  double min_size = 0;  ///< smallest cells
-  double max_size = 0;  ///< largest cells
-  std::vector<MaterialSize> material_sizes;
-  std::vector<InterfaceSize> interface_sizes;
+  SizingRule sizes;
   std::vector<double> weights;     ///< by material, for the majority in cells larger than a voxel; empty: all 1
-  std::string pattern = "auto";    ///< refinement pattern (tree/pattern.h)
+  std::string pattern = "auto";    ///< refinement pattern, as parse_pattern() reads it
   int balance = 1;                 ///< difference of level over faces, edges and corners; kUnbalanced for no limit
   std::optional<FieldKind> field;  ///< separating function; the method's own where it is not given
   std::optional<double> snap;      ///< fraction of an edge within which a vertex moves onto a surface; as field

@@ -1,10 +1,62 @@
+#include <algorithm>
+
+#include "treemarch/core/error.h"
+#include "treemarch/march/paper_march.h"
+#include "treemarch/march/separate.h"
 #include "treemarch/pipeline/methods.h"
+#include "treemarch/sizing/assign_materials.h"
+#include "treemarch/sizing/lattice.h"
+#include "treemarch/sizing/sizing.h"
+#include "treemarch/smooth/smooth.h"
+#include "treemarch/tessellate/midpoint.h"
 
 namespace treemarch {
+namespace {
+
+constexpr int kPaperSmoothingSteps = 5;
 
 template <int Dim>
-Mesh<Dim> mesh_by_paper(const LabelImage<Dim>&, const MeshOptions&, Execution&) {
-  return {};
+PaperMarchOptions<Dim> march_options(const LabelImage<Dim>& image, const MeshOptions& options) {
+  PaperMarchOptions<Dim> march;
+  if (options.snap) march.snap = *options.snap;
+  switch (options.field.value_or(FieldKind::solid_angle)) {
+    case FieldKind::solid_angle:
+      break;
+    case FieldKind::linear:
+      march.field = linear_field(image);
+      break;
+    default:
+      throw Error(ErrorKind::usage, "--field: the paper's method takes solid-angle or linear");
+  }
+  return march;
+}
+
+/// Vertices stay within half a voxel of where the cut put them.
+template <int Dim>
+SmoothOptions smooth_options(const LabelImage<Dim>& image, const MeshOptions& options) {
+  SmoothOptions smoothing;
+  smoothing.steps = options.smooth.value_or(kPaperSmoothingSteps);
+  smoothing.max_displacement = 0.5 * *std::ranges::min_element(image.frame.spacing);
+  return smoothing;
+}
+
+}  // namespace
+
+template <int Dim>
+Mesh<Dim> mesh_by_paper(const LabelImage<Dim>& image, const MeshOptions& options, Execution& execution) {
+  const PaperMarchOptions<Dim> march = march_options(image, options);
+  const SizedLattice<Dim> sized = choose_lattice(image, parse_pattern<Dim>(options.pattern), options.sizes, execution);
+  Spacetree<Dim> tree =
+      build_spacetree<Dim>(sized.lattice, sized.pattern, required_levels(image, sized, options.sizes, execution),
+                           options.balance, execution);
+  assign_materials(tree, image, options.weights, execution);
+  Mesh<Dim> mesh = tessellate_midpoint(tree, {}, execution);
+  tree = {};
+  mesh.labels = image.labels;
+  mesh.names = image.names;
+  march_materials(mesh, march, execution);
+  smooth(mesh, smooth_options(image, options), execution);
+  return mesh;
 }
 
 template Mesh<2> mesh_by_paper(const LabelImage<2>&, const MeshOptions&, Execution&);

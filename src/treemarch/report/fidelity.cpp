@@ -266,17 +266,33 @@ double Fidelity::mean_dice() const {
 }
 
 template <int Dim>
+Fidelity measure_labels(const Mesh<Dim>& mesh, const Execution& execution) {
+  const CellSums sums = sum_cells(mesh, execution);
+  const std::vector<std::int64_t> components = count_mesh_components(mesh, execution);
+  Fidelity fidelity;
+  fidelity.labels.resize(mesh.labels.size());
+  for (std::size_t m = 0; m < mesh.labels.size(); ++m) {
+    LabelFidelity& l = fidelity.labels[m];
+    l.label = mesh.labels[m];
+    if (!mesh.names.empty()) l.name = mesh.names[m];
+    l.cells = sums.cells[m];
+    l.volume = sums.volume[m];
+    l.components = components[m];
+  }
+  std::ranges::sort(fidelity.labels, {}, &LabelFidelity::label);
+  return fidelity;
+}
+
+template <int Dim>
 Fidelity measure_fidelity(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, std::int32_t background,
                           const Execution& execution) {
   const std::vector<MaterialId> to_image = match_labels(mesh.labels, image.labels);
   const Overlap voxels = overlap(image, mesh, to_image, execution);
-  const CellSums sums = sum_cells(mesh, execution);
-  const std::vector<std::int64_t> components = count_mesh_components(mesh, execution);
+  double voxel_volume = 1;
+  for (const double s : image.frame.spacing) voxel_volume *= s;
 
   Fidelity fidelity;
   fidelity.labels.resize(image.labels.size());
-  double voxel_volume = 1;
-  for (const double s : image.frame.spacing) voxel_volume *= s;
   for (std::size_t m = 0; m < image.labels.size(); ++m) {
     LabelFidelity& l = fidelity.labels[m];
     l.label = image.labels[m];
@@ -287,20 +303,24 @@ Fidelity measure_fidelity(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, s
     l.dice = both ? 2.0 * static_cast<double>(voxels.both[m]) / static_cast<double>(both) : 0;
     l.is_background = l.label == background;
   }
-  for (std::size_t m = 0; m < mesh.labels.size(); ++m) {
-    if (to_image[m] == kOutside) {
-      fidelity.unknown_cells += sums.cells[m];
-      continue;
-    }
-    fidelity.labels[to_image[m]].cells += sums.cells[m];
-    fidelity.labels[to_image[m]].volume += sums.volume[m];
-    fidelity.labels[to_image[m]].components += components[m];
-  }
   for (const ImageComponent& c : image_components(image)) ++fidelity.labels[c.material].image_components;
   std::ranges::sort(fidelity.labels, {}, &LabelFidelity::label);
+
+  for (const LabelFidelity& in_mesh : measure_labels(mesh, execution).labels) {
+    const auto at = std::ranges::lower_bound(fidelity.labels, in_mesh.label, {}, &LabelFidelity::label);
+    if (at == fidelity.labels.end() || at->label != in_mesh.label) {
+      fidelity.unknown_cells += in_mesh.cells;
+      continue;
+    }
+    at->cells += in_mesh.cells;
+    at->volume += in_mesh.volume;
+    at->components += in_mesh.components;
+  }
   return fidelity;
 }
 
+template Fidelity measure_labels(const Mesh<2>&, const Execution&);
+template Fidelity measure_labels(const Mesh<3>&, const Execution&);
 template Fidelity measure_fidelity(const LabelImage<2>&, const Mesh<2>&, std::int32_t, const Execution&);
 template Fidelity measure_fidelity(const LabelImage<3>&, const Mesh<3>&, std::int32_t, const Execution&);
 

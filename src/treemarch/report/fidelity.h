@@ -36,6 +36,10 @@ struct Fidelity {
   [[nodiscard]] double mean_dice() const;
 };
 
+/// Cells, volume and components of each label of a mesh, without an image.
+template <int Dim>
+Fidelity measure_labels(const Mesh<Dim>& mesh, const Execution& execution);
+
 /// Compares a mesh with the image that it was made from (design: a voxel belongs to the cell that contains its centre;
 /// the first cell where several do).
 /// \param background label that may be missing from the mesh.

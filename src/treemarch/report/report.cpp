@@ -2,6 +2,7 @@
 
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -42,9 +43,31 @@ Json quality_json(const Report& report) {
   return json;
 }
 
+Json defects_json(const MeshDefects& d) {
+  return {{"inverted_cells", d.inverted_cells},
+          {"overused_facets", d.overused_facets},
+          {"folded_facets", d.folded_facets},
+          {"unused_points", d.unused_points},
+          {"coincident_points", d.coincident_points},
+          {"hull_facets", d.hull_facets},
+          {"facets_off_the_box", d.facets_off_the_box},
+          {"volume", d.volume},
+          {"box_volume", d.box_volume}};
+}
+
 std::string format(const char* pattern, double a, double b = 0) {
   char text[160];
   std::snprintf(text, sizeof text, pattern, a, b);
+  return text;
+}
+
+std::string fidelity_text(const Fidelity& fidelity) {
+  constexpr std::size_t kShown = 20;
+  std::string text = format(", mean Dice %.4f", fidelity.mean_dice());
+  const auto lost = fidelity.lost_labels();
+  text += lost.empty() ? ", none lost" : ", lost:";
+  for (std::size_t i = 0; i < std::min(lost.size(), kShown); ++i) text += " " + std::to_string(lost[i]);
+  if (lost.size() > kShown) text += " and " + std::to_string(lost.size() - kShown) + " more";
   return text;
 }
 
@@ -89,6 +112,10 @@ std::string to_json(const Report& report) {
   json["lost_labels"] = report.fidelity.lost_labels();
   json["dice_mean"] = report.fidelity.mean_dice();
   json["cells_with_unknown_label"] = report.fidelity.unknown_cells;
+  if (report.defects) {
+    json["valid"] = report.defects->sound();
+    json["defects"] = defects_json(*report.defects);
+  }
   json["seconds"] = Json::object();
   json["seconds"]["mesh"] = report.mesh_seconds;
   for (const Execution::StageTime& s : report.seconds)
@@ -104,14 +131,16 @@ std::string to_text(const Report& report) {
   for (const auto& [type, count] : report.cells) text += ", " + std::to_string(count) + " " + name(type) + " cells";
   text += format(report.dimension == 2 ? "\nangles %.2f to %.2f degrees" : "\ndihedral angles %.2f to %.2f degrees",
                  report.quality.angles.min, report.quality.angles.max);
+  if (report.defects) text += "\nvalidity: " + report.defects->describe();
   std::int64_t materials = 0;
-  for (const LabelFidelity& l : report.fidelity.labels) materials += l.cells > 0;
+  bool compared = false;
+  for (const LabelFidelity& l : report.fidelity.labels) {
+    materials += l.cells > 0;
+    compared |= l.voxels > 0;
+  }
   text += "\n";
-  text += std::to_string(materials) + " labels" + format(", mean Dice %.4f", report.fidelity.mean_dice());
-  const auto lost = report.fidelity.lost_labels();
-  text += lost.empty() ? ", none lost" : ", lost:";
-  for (std::size_t i = 0; i < lost.size() && i < 20; ++i) text += " " + std::to_string(lost[i]);
-  if (lost.size() > 20) text += " and " + std::to_string(lost.size() - 20) + " more";
+  text += std::to_string(materials) + " labels";
+  if (compared) text += fidelity_text(report.fidelity);
   if (report.mesh_seconds > 0) {
     text += format("\nmeshed in %.2f s, %.2f GB at the peak", report.mesh_seconds,
                    static_cast<double>(report.peak_memory_bytes) / 1e9);

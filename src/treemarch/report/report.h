@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -12,6 +13,7 @@
 #include "treemarch/image/label_image.h"
 #include "treemarch/mesh/mesh.h"
 #include "treemarch/mesh/quality.h"
+#include "treemarch/mesh/validate.h"
 #include "treemarch/report/fidelity.h"
 
 namespace treemarch {
@@ -27,6 +29,7 @@ struct Report {
   std::vector<std::pair<CellType, std::int64_t>> cells;  ///< number by type, types that occur only
   MeshQuality quality;
   Fidelity fidelity;
+  std::optional<MeshDefects> defects;         ///< where the mesh was examined
   std::vector<Execution::StageTime> seconds;  ///< by stage
   double mesh_seconds = 0;                    ///< from the image in memory to the mesh in memory
   std::int64_t peak_memory_bytes = 0;         ///< of the whole process so far

@@ -1,0 +1,144 @@
+#include "treemarch/pipeline/mesh_image.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <functional>
+
+#include "support/images.h"
+#include "treemarch/core/error.h"
+#include "treemarch/mesh/validate.h"
+#include "treemarch/report/fidelity.h"
+#include "treemarch/tree/spacetree.h"
+
+namespace treemarch {
+namespace {
+
+template <int Dim>
+Mesh<Dim> meshed(const LabelImage<Dim>& image, const MeshOptions& options, int threads = 2) {
+  Execution execution(threads);
+  return mesh_image(image, options, execution).mesh;
+}
+
+/// What holds for every image: sound, fills the box exactly, knows no label that the image lacks.
+template <int Dim>
+void expect_fills_box(const LabelImage<Dim>& image, MeshOptions options) {
+  options.keep_background = true;
+  const Mesh<Dim> mesh = meshed(image, options);
+  const MeshDefects defects = validate(mesh, Execution(1));
+  EXPECT_TRUE(defects.fills_box()) << defects.describe();
+  double box = 1;
+  for (const double side : image.size()) box *= side;
+  EXPECT_NEAR(defects.volume, box, 1e-9 * box);
+  EXPECT_EQ(mesh.labels, image.labels);
+}
+
+/// Every option of the paper's method that changes the shape of the mesh.
+std::vector<MeshOptions> variations() {
+  std::vector<MeshOptions> all;
+  for (const FieldKind field : {FieldKind::solid_angle, FieldKind::linear}) {
+    for (const int balance : {1, 2, kUnbalanced}) {
+      for (const char* pattern : {"2", "3", "auto"}) {
+        MeshOptions options;
+        options.method = Method::paper;
+        options.field = field;
+        options.balance = balance;
+        options.pattern = pattern;
+        options.smooth = balance;
+        all.push_back(options);
+      }
+    }
+  }
+  return all;
+}
+
+TEST(MeshImage, NoiseFillsTheBox) {
+  unsigned seed = 0;
+  Frame<2> flat;
+  flat.spacing = {0.5, 2};
+  Frame<3> solid;
+  solid.spacing = {0.7, 0.7, 2.5};
+  for (const MeshOptions& options : variations()) {
+    const int labels = 2 + static_cast<int>(++seed % 7);
+    expect_fills_box(testing::noise_image<2>({23, 17}, labels, seed), options);
+    expect_fills_box(testing::noise_image<2>({16, 16}, labels, seed, flat), options);
+    expect_fills_box(testing::noise_image<3>({9, 7, 8}, labels, seed), options);
+    expect_fills_box(testing::noise_image<3>({8, 9, 4}, labels, seed, solid), options);
+  }
+}
+
+TEST(MeshImage, BallsKeepTheirVolume) {
+  for (const MeshOptions& options : variations()) {
+    const auto image = testing::ball_image<3>({26, 25, 24}, 0.35, 5);
+    const Fidelity f = measure_fidelity(image, meshed(image, options), 0, Execution(2));
+    for (const LabelFidelity& l : f.labels) {
+      if (l.label == 0) continue;
+      EXPECT_EQ(l.label, 5);
+      EXPECT_NEAR(l.volume / l.image_volume, 1, 0.05);
+      EXPECT_GT(l.dice, 0.93);
+      EXPECT_EQ(l.components, 1);
+    }
+  }
+}
+
+TEST(MeshImage, WithoutBackgroundTheRestIsTheSame) {
+  const auto image = testing::ball_image<3>({14, 13, 12}, 0.3, 5);
+  MeshOptions options;
+  const Mesh<3> without = meshed(image, options);
+  options.keep_background = true;
+  const Mesh<3> with = meshed(image, options);
+  const auto of_five = [&](const Mesh<3>& mesh) { return measure_labels(mesh, Execution(1)).labels.back(); };
+  EXPECT_EQ(of_five(without).cells, of_five(with).cells);
+  EXPECT_EQ(of_five(without).volume, of_five(with).volume);
+  EXPECT_EQ(without.cell_count(), of_five(with).cells);
+  EXPECT_TRUE(validate(without, Execution(1)).sound());
+}
+
+template <int Dim>
+void expect_same(const Mesh<Dim>& a, const Mesh<Dim>& b) {
+  EXPECT_EQ(a.points, b.points);
+  ASSERT_EQ(a.blocks.size(), b.blocks.size());
+  for (std::size_t i = 0; i < a.blocks.size(); ++i) {
+    EXPECT_EQ(a.blocks[i].vertices, b.blocks[i].vertices);
+    EXPECT_EQ(a.blocks[i].materials, b.blocks[i].materials);
+  }
+}
+
+TEST(MeshImage, ThreadsDoNotMatter) {
+  const auto image = testing::noise_image<3>({20, 18, 16}, 5, 3);
+  const Mesh<3> one = meshed(image, {}, 1);
+  expect_same(one, meshed(image, {}, 2));
+  expect_same(one, meshed(image, {}, 7));
+}
+
+TEST(MeshImage, LabelValuesDoNotMatter) {
+  auto image = testing::noise_image<3>({12, 11, 10}, 4, 3);
+  MeshOptions options;
+  options.keep_background = true;
+  const Mesh<3> before = meshed(image, options);
+  std::ranges::reverse(image.labels);
+  expect_same(before, meshed(image, options));
+}
+
+TEST(MeshImage, StopsWhenItIsAskedTo) {
+  Execution execution(2);
+  execution.cancel();
+  EXPECT_THROW(mesh_image(testing::noise_image<3>({20, 18, 16}, 5, 3), {}, execution), Cancelled);
+}
+
+TEST(MeshImage, RefusesOptionsThatContradict) {
+  const auto image = testing::ball_image<2>({20, 20}, 0.3);
+  const auto refuses = [&](const std::function<void(MeshOptions&)>& change) {
+    MeshOptions options;
+    change(options);
+    EXPECT_THROW(meshed(image, options), Error);
+  };
+  refuses([](MeshOptions& o) { o.sizes.min_size = 3, o.sizes.max_size = 2; });
+  refuses([](MeshOptions& o) { o.sizes.min_size = -1; });
+  refuses([](MeshOptions& o) { o.pattern = "1"; });
+  refuses([](MeshOptions& o) { o.field = FieldKind::grey; });
+  refuses([](MeshOptions& o) { o.snap = 0.7; });
+}
+
+}  // namespace
+}  // namespace treemarch
