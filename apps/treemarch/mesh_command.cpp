@@ -1,0 +1,176 @@
+// treemarch mesh IMAGE -o OUT: the whole way from an image file to a mesh file.
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <sstream>
+
+#include "commands.h"
+#include "image_options.h"
+#include "mesh_options.h"
+#include "options.h"
+#include "terminal.h"
+#include "treemarch/mesh/interfaces.h"
+#include "treemarch/mesh/output_file.h"
+#include "treemarch/mesh/quality.h"
+#include "treemarch/mesh/write_mesh.h"
+#include "treemarch/pipeline/mesh_image.h"
+#include "treemarch/pipeline/prepare.h"
+#include "treemarch/report/report.h"
+
+namespace treemarch::app {
+namespace {
+
+struct MeshCommandOptions {
+  std::string image, output, interfaces, picture, report;
+  ImageOptions reading;
+  PrepareOptions prepare;
+  MeshTextOptions mesh;
+  OutputSpace space = OutputSpace::file;
+  bool compress = true, force = false, json = false, quiet = false;
+  int threads = 0;
+};
+
+/// Refuses places that cannot be written before any work is done.
+void check_outputs(const MeshCommandOptions& options) {
+  if (options.image.empty()) throw Error(ErrorKind::usage, "IMAGE: is missing; see treemarch mesh --help");
+  if (options.output.empty()) throw Error(ErrorKind::usage, "-o: is missing; say where the mesh goes");
+  check_mesh_path(options.output, options.force);
+  if (!options.interfaces.empty()) check_mesh_path(options.interfaces, options.force);
+  if (!options.report.empty()) const OutputFile probe(options.report, options.force);
+  std::vector<std::string> names{options.output, options.interfaces, options.picture, options.report};
+  std::erase(names, "");
+  std::ranges::sort(names);
+  const auto twice = std::ranges::adjacent_find(names);
+  if (twice != names.end()) throw Error(ErrorKind::usage, *twice + ": is to hold two things; give two names");
+}
+
+template <int Dim>
+Report make_report(const MeshCommandOptions& options, const std::vector<std::pair<std::string, std::string>>& given,
+                   const LabelImage<Dim>& image, const MeshResult<Dim>& result, Execution& execution) {
+  Report report;
+  report.version = version();
+  report.image = options.image;
+  report.mesh = options.output;
+  report.options = given;
+  describe_mesh(result.mesh, report);
+  report.mesh_seconds = result.seconds;
+  {
+    const Execution::Stage stage(execution, "measure");
+    report.quality = measure_quality(result.mesh, image.frame, kWorstCells, execution);
+    report.fidelity = measure_fidelity(image, result.mesh, options.prepare.background, execution);
+  }
+  return report;
+}
+
+template <int Dim>
+void write_all(const MeshCommandOptions& options, const LabelImage<Dim>& image, const Mesh<Dim>& mesh,
+               Execution& execution) {
+  const WriteOptions write{options.force, options.compress, options.space};
+  const Execution::Stage stage(execution, "write");
+  write_mesh(options.output, mesh, image.frame, write, execution);
+  if (!options.interfaces.empty()) {
+    const auto facets = extract_interfaces(mesh, Hull::include, execution);
+    write_interfaces(options.interfaces, mesh, facets, image.frame, write, execution);
+  }
+}
+
+void publish(const MeshCommandOptions& options, const Report& report) {
+  const std::string json = to_json(report);
+  if (!options.report.empty()) {
+    OutputFile file(options.report, options.force);
+    file.write(json);
+    file.commit();
+  }
+  if (options.json)
+    std::fputs(json.c_str(), stdout);
+  else if (!options.quiet)
+    std::fputs(to_text(report).c_str(), stdout);
+}
+
+void run(const MeshCommandOptions& options, const std::vector<std::pair<std::string, std::string>>& given) {
+  check_outputs(options);
+  Execution execution(options.threads);
+  Terminal terminal(execution, options.quiet);
+  with_image(options.image, options.reading, execution, [&]<int Dim>(LabelImage<Dim> read) {
+    const LabelImage<Dim> image = prepare_image(std::move(read), options.prepare, execution);
+    MeshOptions mesh_options = resolve(options.mesh, image);
+    mesh_options.background = options.prepare.background;
+    const MeshResult<Dim> result = mesh_image(image, mesh_options, execution);
+    if (result.mesh.cell_count() == 0)
+      throw Error(ErrorKind::limits, options.image + ": the mesh has no cells; choose a smaller --min-size");
+    Report report = make_report(options, given, image, result, execution);
+    write_all(options, image, result.mesh, execution);
+    report.seconds = execution.stage_times();
+    report.warnings = terminal.warnings();
+    report.peak_memory_bytes = peak_memory_bytes();
+    publish(options, report);
+  });
+}
+
+/// The options of a command as text, those that were given and those that have a default.
+std::vector<std::pair<std::string, std::string>> option_texts(const CLI::App& command) {
+  std::vector<std::pair<std::string, std::string>> texts;
+  for (const CLI::Option* option : command.get_options()) {
+    if (option->get_lnames().empty() || !option->get_configurable()) continue;
+    const std::string text =
+        option->count() > 0 ? CLI::detail::join(option->results(), " ") : option->get_default_str();
+    if (!text.empty()) texts.emplace_back(option->get_lnames().front(), text);
+  }
+  return texts;
+}
+
+/// What --config reads: all options that have a value.
+std::string config_text(const CLI::App& command) {
+  std::string text = "[" + command.get_name() + "]\n";
+  std::istringstream lines(command.config_to_str(true));
+  for (std::string line; std::getline(lines, line);)
+    if (!line.ends_with("=\"\"")) text += line + "\n";
+  return text;
+}
+
+void add_output_options(CLI::App& mesh, MeshCommandOptions& o) {
+  mesh.add_option("IMAGE", o.image, "Image file or folder of slices")->configurable(false);
+  mesh.add_option("-o,--output", o.output, "Mesh file: .vtu, .msh or .mesh")->configurable(false);
+  mesh.add_option("--interfaces", o.interfaces, "Also write the facets between labels, with both labels");
+  mesh.add_option("--picture", o.picture, "Also write a picture of the mesh, cut open (.png)");
+  mesh.add_option("--report", o.report, "Also write the report as JSON");
+  add_space_option(mesh, o.space);
+  mesh.add_flag("--compress,!--no-compress", o.compress, "Compress .vtu files")->default_str("true");
+  mesh.add_flag("--force", o.force, "Replace files that exist")->configurable(false);
+  mesh.add_flag("--json", o.json, "Print the report as JSON");
+  mesh.add_flag("--quiet", o.quiet, "Print nothing but errors");
+  add_threads_option(mesh, o.threads);
+}
+
+void add_selection_options(CLI::App& mesh, PrepareOptions& o) {
+  add_list(mesh, "--keep", o.keep, "Labels to keep, as 1,4-7,liver; the others become background");
+  add_list(mesh, "--drop", o.drop, "Labels that become background");
+  add_list(mesh, "--merge", o.merge, "Labels that become one: 2-6=brain, 3,4=3");
+  mesh.add_option("--roi", o.roi, "Part of the image in voxels from 0, upper ends excluded: 0:64,0:64,10:20");
+  mesh.add_option("--background-label", o.background, "The label that means background")->capture_default_str();
+}
+
+}  // namespace
+
+void add_mesh_command(CLI::App& app, Command& command) {
+  const auto options = std::make_shared<MeshCommandOptions>();
+  const auto dump = std::make_shared<bool>(false);
+  CLI::App* mesh = app.add_subcommand("mesh", "Make a mesh of a label image");
+  mesh->fallthrough();  // --config belongs to the program
+  mesh->configurable();
+  add_output_options(*mesh, *options);
+  add_image_options(*mesh, options->reading);
+  add_selection_options(*mesh, options->prepare);
+  add_mesh_options(*mesh, options->mesh);
+  mesh->add_flag("--dump-config", *dump, "Print all options as a file for --config and end")->configurable(false);
+  mesh->callback([=, &command] {
+    command = [=] {
+      if (*dump)
+        std::fputs(config_text(*mesh).c_str(), stdout);
+      else
+        run(*options, option_texts(*mesh));
+    };
+  });
+}
+
+}  // namespace treemarch::app

@@ -1,0 +1,87 @@
+#include "mesh_options.h"
+
+#include "options.h"
+#include "treemarch/pipeline/label_table.h"
+#include "treemarch/pipeline/length.h"
+#include "treemarch/tree/spacetree.h"
+
+namespace treemarch::app {
+namespace {
+
+int parse_balance(const std::string& text) {
+  if (text == "none") return kUnbalanced;
+  std::int32_t balance = 0;
+  if (!parse_int32(text, balance) || balance < 1)
+    throw Error(ErrorKind::usage, "--balance: '" + text + "' is neither a number from 1 nor none");
+  return balance;
+}
+
+}  // namespace
+
+void add_mesh_options(CLI::App& mesh, MeshTextOptions& o) {
+  add_choice<Method>(mesh, "--method", o.method, {{"paper", Method::paper}, {"guaranteed", Method::guaranteed}},
+                     "How the image is meshed")
+      ->default_str(o.method == Method::paper ? "paper" : "guaranteed");
+  mesh.add_option("--min-size", o.min_size, "Smallest cells: 2mm, 2um, 2vox, a bare number is mm; default 1vox");
+  mesh.add_option("--max-size", o.max_size, "Largest cells; default by the method");
+  add_list(mesh, "--size", o.sizes, "LABEL=S: largest cells in a label");
+  add_list(mesh, "--interface", o.interfaces, "A:B=S: size of cells between two labels");
+  add_list(mesh, "--weight", o.weights, "LABEL=W: weight of a label where a cell holds several (default 1)");
+  mesh.add_option("--pattern", o.pattern, "Refinement: auto, 2, 3, 2x2x1, or one a level: 3,2,2x2x1")
+      ->capture_default_str();
+  mesh.add_option("--balance", o.balance, "Largest difference of level between neighbours, or none")
+      ->capture_default_str();
+  add_choice<FieldKind>(mesh, "--field", o.field,
+                        {{"solid-angle", FieldKind::solid_angle}, {"linear", FieldKind::linear}},
+                        "Separating function; default by the method");
+  mesh.add_option("--snap", o.snap, "Move vertices onto a surface nearer than this part of an edge, 0 to 0.5");
+  mesh.add_option("--smooth", o.smooth, "Smoothing steps; default by the method")->check(CLI::NonNegativeNumber);
+  add_choice<bool>(mesh, "--background", o.keep_background, {{"keep", true}, {"drop", false}},
+                   "Whether the background is part of the mesh")
+      ->default_str("drop");
+}
+
+template <int Dim>
+MeshOptions resolve(const MeshTextOptions& text, const LabelImage<Dim>& image) {
+  const LabelTable table(image.labels, image.names);
+  const double voxel = smallest_spacing(image);
+  MeshOptions options;
+  options.method = text.method;
+  if (text.min_size) options.sizes.min_size = parse_length(*text.min_size, voxel, "--min-size");
+  if (text.max_size) options.sizes.max_size = parse_length(*text.max_size, voxel, "--max-size");
+  for (const std::string& size : text.sizes) {
+    const auto [labels, length] = split_assignment(size, "--size");
+    const double s = parse_length(length, voxel, "--size");
+    options.sizes.material_size.resize(image.labels.size());
+    for (const MaterialId m : table.find_set(labels, "--size")) options.sizes.material_size[m] = s;
+  }
+  for (const std::string& size : text.interfaces) {
+    const auto [pair, length] = split_assignment(size, "--interface");
+    const auto sides = split(pair, ':');
+    if (sides.size() != 2) throw Error(ErrorKind::usage, "--interface: '" + size + "' is not of the form A:B=SIZE");
+    options.sizes.interface_size.push_back({table.find(sides[0], "--interface"), table.find(sides[1], "--interface"),
+                                            parse_length(length, voxel, "--interface")});
+  }
+  if (!text.weights.empty()) options.weights.assign(image.labels.size(), 1.0);
+  for (const std::string& weight : text.weights) {
+    const auto [labels, number] = split_assignment(weight, "--weight");
+    double w = 0;
+    if (!parse_double(number, w) || w <= 0)
+      throw Error(ErrorKind::usage, "--weight: '" + weight + "' has no weight greater than zero");
+    for (const MaterialId m : table.find_set(labels, "--weight")) options.weights[m] = w;
+  }
+  options.pattern = text.pattern;
+  options.balance = parse_balance(text.balance);
+  options.field = text.field;
+  if (text.snap && !(*text.snap >= 0 && *text.snap < 0.5))
+    throw Error(ErrorKind::usage, "--snap: must be at least 0 and below 0.5");
+  options.snap = text.snap;
+  options.smooth = text.smooth;
+  options.keep_background = text.keep_background;
+  return options;
+}
+
+template MeshOptions resolve(const MeshTextOptions&, const LabelImage<2>&);
+template MeshOptions resolve(const MeshTextOptions&, const LabelImage<3>&);
+
+}  // namespace treemarch::app

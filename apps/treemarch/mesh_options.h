@@ -1,0 +1,37 @@
+/// \file
+/// What the mesh should be like, as written on the command line.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "image_options.h"
+#include "treemarch/image/label_image.h"
+#include "treemarch/pipeline/mesh_image.h"
+
+namespace treemarch::app {
+
+/// MeshOptions before labels and units are resolved against an image.
+struct MeshTextOptions {
+  Method method = Method::paper;
+  std::optional<std::string> min_size, max_size;
+  std::vector<std::string> sizes;       ///< LABEL=S
+  std::vector<std::string> interfaces;  ///< A:B=S
+  std::vector<std::string> weights;     ///< LABEL=W
+  std::string pattern = "auto";
+  std::string balance = "1";
+  std::optional<FieldKind> field;
+  std::optional<double> snap;
+  std::optional<int> smooth;
+  bool keep_background = false;
+};
+
+void add_mesh_options(CLI::App& mesh, MeshTextOptions& options);
+
+/// \throw Error(usage) for unknown labels and for numbers out of range.
+template <int Dim>
+MeshOptions resolve(const MeshTextOptions& text, const LabelImage<Dim>& image);
+
+}  // namespace treemarch::app

@@ -1,0 +1,187 @@
+"""Bad input: one line, the right exit code, nothing written."""
+import pathlib
+import unittest
+
+import numpy as np
+
+import files
+from program import ProgramTest
+
+USAGE, INPUT, OUTPUT, LIMITS = 2, 3, 4, 5
+
+
+class BadImages(ProgramTest):
+    def refuse(self, path, *options, code=INPUT, says=""):
+        self.fail_with(code, "mesh", path, "-o", self.path("out.vtu"), *options, says=says)
+        self.fail_with(code, "info", path, *options, says=says)
+
+    def test_missing(self):
+        self.refuse(self.path("none.nii"), says="none.nii")
+        self.refuse(self.path("none"))
+
+    def test_empty(self):
+        for name in ("a.nii", "a.nii.gz", "a.nrrd", "a.mha", "a.tif", "a.png", "a.dcm", "a"):
+            open(self.path(name), "wb").close()
+            self.refuse(self.path(name), says=name)
+
+    def test_not_an_image(self):
+        for name in ("a.nii", "a.nii.gz", "a.nrrd", "a.mha", "a.tif", "a.png", "a.dcm", "a.txt"):
+            (self.dir / name).write_bytes(b"this is not an image, but longer than any magic number is" * 20)
+            self.refuse(self.path(name), says=name)
+
+    def test_truncated(self):
+        image = files.balls()
+        whole = {"a.nrrd": files.write_nrrd, "a.nii": files.write_nifti, "a.nii.gz": files.write_nifti}
+        for name, write in whole.items():
+            data = pathlib.Path(write(self.path(name), image)).read_bytes()
+            for part in (60, len(data) // 2, len(data) - 20):
+                (self.dir / name).write_bytes(data[:part])
+                self.refuse(self.path(name), says=name)
+        rows = [bytes(range(50)) for _ in range(50)]
+        data = pathlib.Path(files.write_png(self.path("a.png"), rows)).read_bytes()
+        for part in (20, len(data) // 2):
+            (self.dir / "a.png").write_bytes(data[:part])
+            self.refuse(self.path("a.png"))
+
+    def test_impossible_dimensions(self):
+        image = files.balls()
+        for dim in ([3, 0, 5, 5], [3, -4, 5, 5], [9, 5, 5, 5], [3, 32767, 32767, 32767]):
+            self.refuse(files.write_nifti(self.path("a.nii"), image, dim=dim))
+        data = pathlib.Path(files.write_nrrd(self.path("a.nrrd"), image)).read_bytes()
+        for sizes in (b"0 12 10", b"-14 12 10", b"14 12", b"99999999999 12 10", b"a b c"):
+            (self.dir / "a.nrrd").write_bytes(data.replace(b"14 12 10", sizes))
+            self.refuse(self.path("a.nrrd"))
+
+    def test_values_that_are_no_labels(self):
+        image = files.balls()
+        self.refuse(files.write_nrrd(self.path("a.nrrd"), image.astype("float32") + np.float32(0.25)))
+        for bad in (np.nan, np.inf, 2.0**31, -2.0**31 - 1, 1e30):
+            values = image.astype("float64")
+            values[3, 4, 5] = bad
+            self.refuse(files.write_nrrd(self.path("a.nrrd"), values))
+        values = image.astype("int64")
+        values[3, 4, 5] = 2**31
+        self.refuse(files.write_nrrd(self.path("a.nrrd"), values))
+        self.refuse(files.write_nifti(self.path("a.nii"), image, scale=(0.5, 0.25)))
+
+    def test_grey_images_ask_for_a_threshold(self):
+        grey = (np.arange(14 * 12 * 10) % 997).reshape(14, 12, 10).astype("float32") * np.float32(0.37)
+        self.refuse(files.write_nrrd(self.path("a.nrrd"), grey), says="--threshold")
+
+    def test_colour_pictures(self):
+        rows = [bytes(range(60)) for _ in range(20)]
+        self.refuse(files.write_png(self.path("rgb.png"), rows, colour_type=2))
+        palette = [value for k in range(64) for value in (k, 2 * k, 3 * k)]
+        self.refuse(files.write_png(self.path("palette.png"), rows, colour_type=3, palette=palette))
+
+    def dicom(self, folder, slices):
+        (self.dir / folder).mkdir()
+        for i, (series, z) in enumerate(slices):
+            pixels = files.balls()[:, :, 5].T
+            files.write_dicom(self.path(f"{folder}/{i}.dcm"), pixels, series=series, number=i + 1, z=z)
+        return self.path(folder)
+
+    def test_dicom_folders(self):
+        self.refuse(self.dicom("two_series", [("1.2.3", z) for z in range(4)] + [("1.2.4", z) for z in range(4)]))
+        self.refuse(self.dicom("missing_slice", [("1.2.3", z) for z in (0, 1, 2, 4, 5)]))
+        self.refuse(self.dicom("uneven", [("1.2.3", z) for z in (0, 1, 2.3, 3, 4)]))
+        (self.dir / "nothing").mkdir()
+        self.refuse(self.path("nothing"))
+
+    def test_geometry(self):
+        image = files.balls()
+        for spacing in ((0, 1, 1), (np.nan, 1, 1)):
+            self.refuse(files.write_nrrd(self.path("a.nrrd"), image, spacing=spacing))
+            self.refuse(files.write_nifti(self.path("a.nii"), image, pixdim=spacing))
+        singular = [[1, 0, 0], [0, 1, 0], [1, 1, 0]]
+        self.refuse(files.write_nrrd(self.path("a.nrrd"), image, directions=singular))
+        affine = np.hstack([np.array(singular).T, np.zeros((3, 1))])
+        self.refuse(files.write_nifti(self.path("a.nii"), image, affine=affine))
+        affine[0, 0] = np.nan
+        self.refuse(files.write_nifti(self.path("a.nii"), image, affine=affine))
+
+    def test_volumes(self):
+        image = np.stack([files.balls()] * 3, axis=-1)
+        path = files.write_nifti(self.path("a.nii"), image)
+        self.refuse(path, says="--volume")
+        self.refuse(path, "--volume", 3, code=USAGE)
+        self.refuse(path, "--volume", -1, code=USAGE)
+
+    def test_all_background(self):
+        path = files.write_nrrd(self.path("a.nrrd"), np.zeros((9, 9, 9), "uint8"))
+        self.fail_with(INPUT, "mesh", path, "-o", self.path("out.vtu"))
+        self.fail_with(INPUT, "mesh", path, "-o", self.path("out.vtu"), "--background", "keep")
+
+
+class BadOptions(ProgramTest):
+    def setUp(self):
+        super().setUp()
+        self.image = files.write_nrrd(self.path("a.nrrd"), files.balls())
+
+    def refuse(self, code, *options, says=""):
+        self.fail_with(code, "mesh", self.image, "-o", self.path("out.vtu"), *options, says=says)
+
+    def test_unknown_labels(self):
+        for option in (["--size", "9=2mm"], ["--size", "liver=2mm"], ["--interface", "1:9=2mm"], ["--weight", "9=2"],
+                       ["--keep", "9"], ["--drop", "9"], ["--merge", "9=1"], ["--keep", "7-9"]):
+            self.refuse(USAGE, *option, says=option[0])
+
+    def test_sizes(self):
+        for size in ("0", "-1", "-2mm", "0vox", "nan", "inf", "x", "", "2parsec"):
+            for option in (["--min-size", size], ["--max-size", size], ["--size", "1=" + size],
+                           ["--interface", "0:1=" + size], ["--spacing", size]):
+                self.refuse(USAGE, *option)
+        self.refuse(USAGE, "--min-size", "3mm", "--max-size", "2mm", says="--min-size")
+
+    def test_malformed(self):
+        for option in (["--size", "1"], ["--size", "=2"], ["--interface", "1=2"], ["--weight", "1=0"],
+                       ["--weight", "1=x"], ["--merge", "1"], ["--roi", "0:1"], ["--roi", "0:99,0:1,0:1"],
+                       ["--method", "magic"], ["--field", "magic"], ["--background", "maybe"], ["--balance", "0"],
+                       ["--balance", "x"], ["--snap", "0.5"], ["--snap", "-1"], ["--smooth", "-1"], ["--threads", "-1"],
+                       ["--pattern", "1"], ["--pattern", "x"], ["--pattern", "2x2"], ["--space", "mars"],
+                       ["--no-such-option"], ["surplus"], ["--config", self.path("none.toml")]):
+            self.refuse(USAGE, *option)
+
+    def test_no_command(self):
+        self.fail_with(USAGE)
+        self.fail_with(USAGE, "knead")
+        self.fail_with(USAGE, "mesh")
+        self.fail_with(USAGE, "mesh", self.image)
+
+    def test_config_with_an_unknown_option(self):
+        (self.dir / "c.toml").write_text("[mesh]\nno-such-option=1\n")
+        self.refuse(USAGE, "--config", self.path("c.toml"))
+
+
+class BadOutput(ProgramTest):
+    def setUp(self):
+        super().setUp()
+        self.image = files.write_nrrd(self.path("a.nrrd"), files.balls())
+
+    def test_unknown_extension(self):
+        for name in ("out", "out.xyz", "out.vtu.gz"):
+            self.fail_with(USAGE, "mesh", self.image, "-o", self.path(name), says=name)
+        self.fail_with(USAGE, "mesh", self.image, "-o", self.path("m.vtu"), "--interfaces", self.path("i.xyz"))
+        self.fail_with(USAGE, "mesh", self.image, "-o", self.path("m.vtu"), "--picture", self.path("p.xyz"))
+
+    def test_unwritable(self):
+        for option in ("-o", "--interfaces", "--report", "--picture"):
+            name = {"--report": "r.json", "--picture": "p.png"}.get(option, "m.vtu")
+            rest = [] if option == "-o" else ["-o", self.path("m.vtu")]
+            for folder in ("none/", "a.nrrd/"):
+                self.fail_with(OUTPUT, "mesh", self.image, option, self.path(folder + name), *rest)
+            (self.dir / name).write_text("old")
+            self.fail_with(OUTPUT, "mesh", self.image, option, self.path(name), *rest, says="--force")
+            self.assertEqual((self.dir / name).read_text(), "old")
+            (self.dir / name).unlink()
+
+    def test_one_name_for_two_files(self):
+        self.fail_with(USAGE, "mesh", self.image, "-o", self.path("m.vtu"), "--interfaces", self.path("m.vtu"))
+
+    def test_disk_full(self):
+        for name in ("m.vtu", "m.msh", "m.mesh"):
+            self.fail_with(OUTPUT, "mesh", self.image, "-o", self.path(name), file_size_limit=2000)
+
+
+if __name__ == "__main__":
+    unittest.main()

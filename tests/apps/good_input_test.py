@@ -1,0 +1,239 @@
+"""What the program makes of good input, looked at by programs that are not ours (VTK, meshio)."""
+import json
+import signal
+import subprocess
+import time
+import unittest
+
+import meshio
+import numpy as np
+import vtk
+from vtk.util.numpy_support import vtk_to_numpy
+
+import files
+from program import PROGRAM, ProgramTest
+
+
+def read_vtu(path):
+    reader = vtk.vtkXMLUnstructuredGridReader()
+    reader.SetFileName(path)
+    reader.Update()
+    grid = reader.GetOutput()
+    labels = vtk_to_numpy(grid.GetCellData().GetArray("label"))
+    points = vtk_to_numpy(grid.GetPoints().GetData())
+    cells = vtk_to_numpy(grid.GetCells().GetConnectivityArray()).reshape(len(labels), -1)
+    return points, cells, labels
+
+
+def volumes(points, cells):
+    edges = points[cells[:, 1:]] - points[cells[:, :1]]
+    if cells.shape[1] == 3:
+        edges = edges[:, :, :2]
+        return np.linalg.det(edges) / 2
+    return np.linalg.det(edges) / 6
+
+
+class Meshes(ProgramTest):
+    def setUp(self):
+        super().setUp()
+        self.labels = files.balls()
+        self.image = files.write_nrrd(self.path("a.nrrd"), self.labels, spacing=(1, 1, 1))
+
+    def mesh(self, *options, image=None, name="m.vtu"):
+        self.succeed("mesh", image or self.image, "-o", self.path(name), "--force", *options)
+        return read_vtu(self.path(name)) if name.endswith(".vtu") else None
+
+    def test_fills_the_box(self):
+        points, cells, labels = self.mesh("--background", "keep")
+        self.assertTrue((volumes(points, cells) > 0).all())
+        self.assertAlmostEqual(volumes(points, cells).sum(), self.labels.size, places=6)
+        np.testing.assert_allclose(points.min(0), [-0.5] * 3, atol=1e-12)
+        np.testing.assert_allclose(points.max(0), np.array(self.labels.shape) - 0.5, atol=1e-12)
+        self.assertEqual(set(labels), {0, 1, 2})
+
+    def test_background_is_left_out(self):
+        points, cells, labels = self.mesh()
+        self.assertEqual(set(labels), {1, 2})
+        self.assertEqual(set(cells.ravel()), set(range(len(points))), "all points are used")
+        for label in (1, 2):
+            voxels = (self.labels == label).sum()
+            self.assertLess(abs(volumes(points, cells)[labels == label].sum() / voxels - 1), 0.25)
+
+    def test_flat_images(self):
+        flat = self.labels[:, :, 5].copy()
+        rows = [bytes(r) for r in flat.T.astype("uint8")]
+        image = files.write_png(self.path("a.png"), rows)
+        points, cells, labels = self.mesh("--background", "keep", "--spacing", "0.5", "--any-labels", image=image)
+        self.assertEqual(cells.shape[1], 3)
+        self.assertTrue((volumes(points, cells) > 0).all())
+        self.assertAlmostEqual(volumes(points, cells).sum(), flat.size / 4, places=6)
+        self.assertEqual(set(labels), {0, 1, 2})
+
+    def test_extreme_labels(self):
+        values = np.array([-1, 70000, 2**31 - 1], np.int32)[self.labels]
+        image = files.write_nrrd(self.path("b.nrrd"), values)
+        for name in ("m.vtu", "m.msh", "m.mesh"):
+            self.succeed("mesh", image, "-o", self.path(name), "--any-labels")
+        self.assertEqual(set(read_vtu(self.path("m.vtu"))[2]), {-1, 70000, 2**31 - 1})
+
+    def test_affine_maps_the_points(self):
+        rotation = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]])
+        shear = np.array([[1, 0.6, 0], [0, 0.8, 0.28], [0, 0, 0.96]])  # columns of unit length: the same voxels
+        mirror = np.diag([-1.0, 1, 1])
+        index, cells, labels = self.mesh("--space", "index", "--background", "keep")
+        for matrix in (rotation, shear, mirror):
+            matrix = matrix @ np.diag([2.0, 2, 2])
+            image = files.write_nrrd(self.path("b.nrrd"), self.labels, directions=matrix.T, origin=(5, 6, 7))
+            points, mapped_cells, mapped_labels = self.mesh("--background", "keep", image=image, name="b.vtu")
+            np.testing.assert_allclose(points, index @ matrix.T + [5, 6, 7], atol=1e-9)
+            np.testing.assert_array_equal(labels, mapped_labels)
+            np.testing.assert_array_equal(np.sort(cells, 1), np.sort(mapped_cells, 1))
+            self.assertTrue((volumes(points, mapped_cells) > 0).all())
+
+    def test_every_format_holds_the_same_mesh(self):
+        points, cells, labels = self.mesh()
+        for name in ("m.msh", "m.mesh"):
+            self.mesh(name=name)
+            other = meshio.read(self.path(name))
+            data = {k: v for k, v in other.cell_data.items() if k in ("gmsh:physical", "medit:ref")}
+            [refs] = data.values()
+            found = [(b.data, r) for b, r in zip(other.cells, refs) if b.type == "tetra"]
+            self.assertEqual(sum(len(d) for d, _ in found), len(cells))
+            self.assertEqual(set(np.concatenate([r for _, r in found])), set(labels))
+            for label in set(labels):
+                own = volumes(points, cells)[labels == label].sum()
+                its = sum(volumes(other.points, d[r == label]).sum() for d, r in found)
+                self.assertAlmostEqual(own, its, places=6)
+
+    def test_interfaces_name_both_sides(self):
+        self.mesh("--background", "keep", "--interfaces", self.path("i.vtu"))
+        reader = vtk.vtkXMLUnstructuredGridReader()
+        reader.SetFileName(self.path("i.vtu"))
+        reader.Update()
+        data = reader.GetOutput().GetCellData()
+        first, second = (vtk_to_numpy(data.GetArray(n)) for n in ("label_first", "label_second"))
+        pairs = set(zip(first, second))
+        self.assertTrue({(0, 1), (0, 2), (1, 2)} <= pairs, pairs)
+        self.assertTrue((first != second).all())
+
+    def test_selection(self):
+        self.assertEqual(set(self.mesh("--keep", "2")[2]), {2})
+        self.assertEqual(set(self.mesh("--drop", "2")[2]), {1})
+        self.assertEqual(set(self.mesh("--merge", "1-2=7")[2]), {7})
+        points, _, _ = self.mesh("--roi", "2:9,3:9,4:8", "--background", "keep")
+        np.testing.assert_allclose(points.min(0), [1.5, 2.5, 3.5], atol=1e-12)
+        np.testing.assert_allclose(points.max(0), [8.5, 8.5, 7.5], atol=1e-12)
+
+    def test_threshold(self):
+        grey = np.random.default_rng(1).normal(size=(9, 8, 7)).astype("float32")
+        grey[2:6, 2:6, 2:6] += 20
+        image = files.write_nrrd(self.path("g.nrrd"), grey)
+        points, cells, _ = self.mesh("--threshold", "10", image=image)
+        self.assertLess(abs(volumes(points, cells).sum() / 64 - 1), 0.25)
+
+    def test_sizes_matter(self):
+        fine = len(self.mesh("--background", "keep", "--max-size", "1vox")[1])
+        coarse = len(self.mesh("--background", "keep")[1])
+        coarser = len(self.mesh("--background", "keep", "--min-size", "2vox")[1])
+        self.assertLess(coarse, fine)
+        self.assertLess(coarser, coarse)
+        sized = len(self.mesh("--background", "keep", "--size", "0=1")[1])
+        self.assertGreater(sized, coarse)
+
+    def test_threads_do_not_matter(self):
+        self.mesh("--threads", 1)
+        one = (self.dir / "m.vtu").read_bytes()
+        for threads in (2, 7):
+            self.mesh("--threads", threads)
+            self.assertEqual((self.dir / "m.vtu").read_bytes(), one)
+
+    def test_config_repeats_a_run(self):
+        options = ["--min-size", "2vox", "--size", "1=3mm", "--size", "2=2mm", "--background", "keep", "--balance",
+                   "none", "--field", "linear", "--keep", "1,2", "--smooth", "1"]
+        self.mesh(*options)
+        first = (self.dir / "m.vtu").read_bytes()
+        config = self.succeed("mesh", self.image, "-o", self.path("n.vtu"), *options, "--dump-config")
+        self.assertFalse((self.dir / "n.vtu").exists())
+        (self.dir / "c.toml").write_text(config)
+        self.mesh("--config", self.path("c.toml"))
+        self.assertEqual((self.dir / "m.vtu").read_bytes(), first)
+        self.mesh("--config", self.path("c.toml"), "--background", "drop")
+        self.assertNotEqual((self.dir / "m.vtu").read_bytes(), first, "the command line wins")
+
+
+class Reports(ProgramTest):
+    def setUp(self):
+        super().setUp()
+        self.labels = files.balls()
+        self.image = files.write_nrrd(self.path("a.nrrd"), self.labels)
+
+    def test_report(self):
+        out = self.succeed("mesh", self.image, "-o", self.path("m.vtu"), "--report", self.path("r.json"), "--json",
+                           "--min-size", "1vox")
+        report = json.loads(out)
+        self.assertEqual(report, json.loads((self.dir / "r.json").read_text()))
+        points, cells, labels = read_vtu(self.path("m.vtu"))
+        self.assertEqual(report["cells"], {"tetrahedron": len(cells)})
+        self.assertEqual(report["points"], len(points))
+        self.assertGreater(report["seconds"]["mesh"], 0)
+        self.assertGreater(report["peak_memory_bytes"], 1e6)
+        self.assertGreater(report["quality"]["min_dihedral"], 0)
+        self.assertLess(report["quality"]["max_dihedral"], 180)
+        self.assertEqual(report["lost_labels"], [])
+        self.assertEqual(report["options"]["min-size"], "1vox")
+        self.assertEqual(report["options"]["background"], "drop")
+        self.assertTrue(report["version"])
+        by_label = {l["label"]: l for l in report["labels"]}
+        self.assertEqual(set(by_label), {0, 1, 2})
+        for label in (1, 2):
+            self.assertEqual(by_label[label]["voxels"], (self.labels == label).sum())
+            self.assertEqual(by_label[label]["cells"], (labels == label).sum())
+            self.assertAlmostEqual(by_label[label]["volume"], volumes(points, cells)[labels == label].sum(), places=6)
+            self.assertGreater(by_label[label]["dice"], 0.8)
+
+    def test_quiet(self):
+        self.assertEqual(self.succeed("mesh", self.image, "-o", self.path("m.vtu"), "--quiet"), "")
+
+    def test_info(self):
+        info = json.loads(self.succeed("info", self.image, "--json"))
+        self.assertEqual(info["extent"], list(self.labels.shape))
+        self.assertEqual({l["label"]: l["voxels"] for l in info["labels"]},
+                         {v: int((self.labels == v).sum()) for v in (0, 1, 2)})
+        self.assertEqual([l["components"] for l in info["labels"]], [1, 1, 1])
+        self.assertGreater(info["estimated_cells"], 0)
+        self.assertIn("3 labels", self.succeed("info", self.image))
+
+    def test_check(self):
+        self.succeed("mesh", self.image, "-o", self.path("m.vtu"), "--report", self.path("r.json"))
+        made = json.loads((self.dir / "r.json").read_text())
+        for name in ("m.vtu", "m.msh", "m.mesh"):
+            self.succeed("mesh", self.image, "-o", self.path(name), "--force")
+            found = json.loads(self.succeed("check", self.path(name), "--image", self.image, "--json"))
+            self.assertEqual(found["cells"], made["cells"])
+            self.assertAlmostEqual(found["quality"]["min_dihedral"], made["quality"]["min_dihedral"], places=6)
+            self.assertAlmostEqual(found["dice_mean"], made["dice_mean"], places=6)
+            self.assertTrue(found["valid"])
+
+    def test_help(self):
+        for command in ([], ["mesh"], ["info"], ["check"]):
+            self.assertIn("--help", self.succeed(*command, "--help"))
+        self.assertRegex(self.succeed("--version"), r"^\d+\.\d+\.\d+")
+
+
+class Interrupts(ProgramTest):
+    def test_interrupt_leaves_nothing(self):
+        noise = np.random.default_rng(1).integers(0, 5, (120, 120, 120)).astype("uint8")
+        image = files.write_nrrd(self.path("a.nrrd"), noise)
+        before = self.files()
+        for delay in (0.3, 0.8):
+            running = subprocess.Popen([PROGRAM, "mesh", image, "-o", self.path("m.vtu")], stderr=subprocess.PIPE,
+                                       stdout=subprocess.PIPE, text=True)
+            time.sleep(delay)
+            running.send_signal(signal.SIGINT)
+            _, errors = running.communicate(timeout=60)
+            self.assertEqual(running.returncode, 130, errors)
+            self.assertEqual(self.files(), before)
+
+
+if __name__ == "__main__":
+    unittest.main()
