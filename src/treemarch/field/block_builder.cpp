@@ -310,12 +310,87 @@ void BlockBuilder<Dim>::mix_grey(const Coord<Dim>& voxel, std::vector<std::uint3
   if (!has_background && rest > 0) entries.push_back(make_word(background, rest));
 }
 
+/// Lists the entries of a voxel, its own label first; returns whether that does not win by a margin.
+template <int Dim>
+bool BlockBuilder<Dim>::list_voxel(const Coord<Dim>& voxel, const Coord<Dim>& block, int place) {
+  entries_.assign(words_.begin() + first_item_[place], words_.begin() + first_item_[place + 1]);
+  keep_largest(entries_, kMostOthers);
+  entries_.insert(entries_.begin(), make_word(own_[place], own_weight_[place]));
+  std::uint32_t margin = kThinMargin;
+  if (grey_.values != nullptr) {
+    Coord<Dim> local{};
+    for (int d = 0; d < Dim; ++d) local[d] = voxel[d] - block[d] * kSide + halo_;
+    if (near_border_of_foreground(local[0], local[1], Dim == 3 ? local[Dim - 1] : 0)) {
+      mix_grey(voxel, entries_);
+      margin = 1;
+    }
+  }
+  std::uint32_t best = 0;
+  for (std::size_t i = 1; i < entries_.size(); ++i) best = std::max(best, weight_of(entries_[i]));
+  return weight_of(entries_[0]) < best + margin;
+}
+
+/// Lists the entries of all voxels of a brick in lists_ and list_end_; returns the flags of its voxels.
+template <int Dim>
+std::uint64_t BlockBuilder<Dim>::list_brick(const Coord<Dim>& brick, const Coord<Dim>& block, int first_place) {
+  std::uint64_t flags = 0;
+  lists_.clear();
+  for (int p = 0; p < Bricks<Dim>::kVoxels; ++p) {
+    Coord<Dim> voxel{};
+    bool inside = true;
+    for (int d = 0; d < Dim; ++d) {
+      voxel[d] = brick[d] * Bricks<Dim>::kSide + (p >> (d * Bricks<Dim>::kShift) & (Bricks<Dim>::kSide - 1));
+      inside &= voxel[d] < image_.extent[d];
+    }
+    if (inside) {
+      if (list_voxel(voxel, block, first_place + p)) flags |= std::uint64_t{1} << p;
+      lists_.insert(lists_.end(), entries_.begin(), entries_.end());
+    }
+    list_end_[p] = static_cast<std::uint32_t>(lists_.size());
+  }
+  return flags;
+}
+
+/// Appends the brick that list_brick() listed to the chunk, in the shortest form; returns its reference.
+template <int Dim>
+std::uint64_t BlockBuilder<Dim>::append_brick(std::uint32_t chunk_id, std::vector<std::uint32_t>& chunk) const {
+  const std::uint32_t first = lists_[0] >> 16;
+  std::uint32_t second = first;
+  bool more = false;
+  for (std::uint32_t word : lists_)
+    if (word >> 16 != first) {
+      more |= second != first && second != word >> 16;
+      second = word >> 16;
+    }
+  if (second == first) return Bricks<Dim>::kUniform | palette_[first];
+  const std::uint64_t ref = (std::uint64_t{chunk_id} << 32) | chunk.size();
+  if (more) {
+    const std::size_t header = chunk.size();
+    chunk.resize(header + Bricks<Dim>::kListHeader);
+    // Offsets are 16 bits: 64 voxels of at most 33 entries.
+    for (int p = 1; p <= Bricks<Dim>::kVoxels; ++p) chunk[header + p / 2] |= list_end_[p - 1] << (16 * (p % 2));
+    chunk.insert(chunk.end(), lists_.begin(), lists_.end());
+    return ref;
+  }
+  // In the order of the materials, so that neighbouring bricks of the same two labels agree on it.
+  const bool swap = palette_[second] < palette_[first];
+  std::uint32_t* pair = &*chunk.insert(chunk.end(), Bricks<Dim>::kPairHeader + Bricks<Dim>::kVoxels, 0U);
+  pair[0] = palette_[swap ? second : first];
+  pair[1] = palette_[swap ? first : second];
+  for (std::uint32_t p = 0, i = 0; p < Bricks<Dim>::kVoxels; ++p)
+    for (const std::uint32_t begin = i; i < list_end_[p]; ++i) {
+      const bool upper = (lists_[i] >> 16 == second) != swap;
+      pair[Bricks<Dim>::kPairHeader + p] |= weight_of(lists_[i]) << (upper ? 16 : 0);
+      if (i == begin && upper) pair[2 + p / 32] |= 1U << (p % 32);
+    }
+  return ref | Bricks<Dim>::kPair;
+}
+
 template <int Dim>
 void BlockBuilder<Dim>::write_bricks(const Coord<Dim>& block, std::uint32_t chunk_id, Bricks<Dim>& bricks,
                                      std::uint64_t* flagged) {
-  constexpr int kShift = Bricks<Dim>::kShift;
   std::vector<std::uint32_t> chunk(palette_.begin(), palette_.end());
-  std::vector<std::uint32_t> entries;
+  const std::size_t empty = chunk.size();
   for (int b = 0; b < kBricks; ++b) {
     Coord<Dim> brick{};
     bool inside = true;
@@ -325,48 +400,16 @@ void BlockBuilder<Dim>::write_bricks(const Coord<Dim>& block, std::uint32_t chun
     }
     if (!inside) continue;
     const std::int64_t index = linear_index(brick, bricks.brick_extent);
-    const int first = b * Bricks<Dim>::kVoxels;
+    const int first_place = b * Bricks<Dim>::kVoxels;
     if (!mixed_[b]) {
-      bricks.refs[index] = Bricks<Dim>::kUniform | palette_[own_[first]];
+      bricks.refs[index] = Bricks<Dim>::kUniform | palette_[own_[first_place]];
       continue;
     }
-    const std::size_t header = chunk.size();
-    bricks.refs[index] = (std::uint64_t{chunk_id} << 32) | header;
-    chunk.resize(header + Bricks<Dim>::kHeaderWords);
-    const std::size_t base = chunk.size();
-    std::uint64_t flags = 0;
-    for (int p = 0; p < Bricks<Dim>::kVoxels; ++p) {
-      Coord<Dim> voxel{};
-      bool in_image = true;
-      for (int d = 0; d < Dim; ++d) {
-        voxel[d] = brick[d] * Bricks<Dim>::kSide + (p >> (d * kShift) & (Bricks<Dim>::kSide - 1));
-        in_image &= voxel[d] < image_.extent[d];
-      }
-      if (in_image) {
-        const int place = first + p;
-        entries.assign(words_.begin() + first_item_[place], words_.begin() + first_item_[place + 1]);
-        keep_largest(entries, kMostOthers);
-        entries.insert(entries.begin(), make_word(own_[place], own_weight_[place]));
-        std::uint32_t margin = kThinMargin;
-        if (grey_.values != nullptr) {
-          Coord<Dim> local{};
-          for (int d = 0; d < Dim; ++d) local[d] = voxel[d] - block[d] * kSide + halo_;
-          if (near_border_of_foreground(local[0], local[1], Dim == 3 ? local[Dim - 1] : 0)) {
-            mix_grey(voxel, entries);
-            margin = 1;
-          }
-        }
-        std::uint32_t best = 0;
-        for (std::size_t i = 1; i < entries.size(); ++i) best = std::max(best, weight_of(entries[i]));
-        if (weight_of(entries[0]) < best + margin) flags |= std::uint64_t{1} << p;
-        chunk.insert(chunk.end(), entries.begin(), entries.end());
-      }
-      // Offsets are 16 bits: 64 voxels of at most 33 entries.
-      chunk[header + (p + 1) / 2] |= static_cast<std::uint32_t>(chunk.size() - base) << (16 * ((p + 1) % 2));
-    }
+    const std::uint64_t flags = list_brick(brick, block, first_place);
+    bricks.refs[index] = append_brick(chunk_id, chunk);
     if (flagged != nullptr) flagged[index] = flags;
   }
-  bricks.chunks[chunk_id].assign(chunk.begin(), chunk.end());
+  if (chunk.size() > empty) bricks.chunks[chunk_id].assign(chunk.begin(), chunk.end());
 }
 
 template <int Dim>

@@ -2,6 +2,7 @@
 /// Label weights in one block of voxels: the inner step of build_field().
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -71,6 +72,9 @@ class BlockBuilder {
   void sort_items();
   void mix_grey(const Coord<Dim>& voxel, std::vector<std::uint32_t>& entries);
   bool near_border_of_foreground(int x, int y, int z) const;
+  bool list_voxel(const Coord<Dim>& voxel, const Coord<Dim>& block, int place);
+  std::uint64_t list_brick(const Coord<Dim>& brick, const Coord<Dim>& block, int first_place);
+  std::uint64_t append_brick(std::uint32_t chunk_id, std::vector<std::uint32_t>& chunk) const;
   void write_bricks(const Coord<Dim>& block, std::uint32_t chunk_id, Bricks<Dim>& bricks, std::uint64_t* flagged);
 
   const LabelImage<Dim>& image_;
@@ -80,17 +84,20 @@ class BlockBuilder {
   int side_;   // kSide and the halo on both sides
   int depth_;  // the same along the third axis, 1 in 2D
 
-  std::vector<std::uint16_t> place_of_;    // brick * 64 + place in brick, of each voxel of the block
-  std::vector<std::uint32_t> local_of_;    // index in palette_ of each material of the image
-  std::vector<MaterialId> palette_;        // materials of the block and its halo
-  std::vector<Run> runs_;                  // by row, later by label
-  std::vector<std::uint32_t> first_run_;   // of each label, after sort_runs()
-  std::vector<std::uint8_t> mixed_;        // whether a brick of the block is
-  std::vector<std::uint32_t> own_;         // label of each place
-  std::vector<std::uint32_t> own_weight_;  // of each place
-  std::vector<Item> items_;                // entries of other labels than the voxel's own, by label
-  std::vector<std::uint32_t> first_item_;  // of each place, after sort_items()
-  std::vector<std::uint32_t> words_;       // entries by place
+  std::vector<std::uint16_t> place_of_;     // brick * 64 + place in brick, of each voxel of the block
+  std::vector<std::uint32_t> local_of_;     // index in palette_ of each material of the image
+  std::vector<MaterialId> palette_;         // materials of the block and its halo
+  std::vector<Run> runs_;                   // by row, later by label
+  std::vector<std::uint32_t> first_run_;    // of each label, after sort_runs()
+  std::vector<std::uint8_t> mixed_;         // whether a brick of the block is
+  std::vector<std::uint32_t> own_;          // label of each place
+  std::vector<std::uint32_t> own_weight_;   // of each place
+  std::vector<Item> items_;                 // entries of other labels than the voxel's own, by label
+  std::vector<std::uint32_t> first_item_;   // of each place, after sort_items()
+  std::vector<std::uint32_t> words_;        // entries by place
+  std::vector<std::uint32_t> entries_;      // of one voxel
+  std::vector<std::uint32_t> lists_;        // entries of one brick
+  std::array<std::uint32_t, 64> list_end_;  // of each voxel in lists_
   std::vector<float> line_, along_x_, along_y_, value_, second_value_;
   std::vector<std::uint64_t> foreground_;  // a bit a voxel, one word a row of the block with its halo
 };

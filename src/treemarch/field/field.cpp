@@ -21,9 +21,10 @@ std::int32_t clamp_voxel(double v, std::int32_t extent) {
 }
 
 AxisTaps<2> linear_taps(double u, std::int32_t extent) {
-  const double base = std::floor(u - 0.5);
-  const double f = u - 0.5 - base;
-  return {{clamp_voxel(base, extent), clamp_voxel(base + 1, extent)}, {1 - f, f}};
+  const double t = std::clamp(u - 0.5, 0.0, extent - 1.0);
+  const auto voxel = static_cast<std::int32_t>(t);  // rounds down, and without a call, as t >= 0
+  const double f = t - voxel;
+  return {{voxel, std::min(voxel + 1, extent - 1)}, {1 - f, f}};
 }
 
 AxisTaps<2> solid_angle_taps(double u, std::int32_t extent) {
@@ -48,55 +49,94 @@ AxisTaps<4> bspline_taps(double u, std::int32_t extent) {
   return t;
 }
 
-/// Calls visit(ref, place, weight) for each voxel that has a say.
+/// The bricks around a point: the taps lie in one or two along each axis.
+template <int Dim, int Taps>
+struct BricksAround {
+  static constexpr int kCorners = 1 << Dim;
+  std::uint64_t ref[kCorners];
+  bool same = true;  ///< one brick, or several uniform ones of one label
+
+  BricksAround(const Bricks<Dim>& bricks, const AxisTaps<Taps> (&taps)[Dim]) {
+    constexpr int kShift = Bricks<Dim>::kShift;
+    std::int64_t first = 0;
+    std::int64_t step[Dim];
+    std::int64_t stride = 1;
+    for (int d = 0; d < Dim; ++d) {
+      const std::int32_t low = taps[d].voxel[0] >> kShift;
+      first += low * stride;
+      step[d] = ((taps[d].voxel[Taps - 1] >> kShift) - low) * stride;
+      stride *= bricks.brick_extent[d];
+    }
+    for (int corner = 0; corner < kCorners; ++corner) {
+      std::int64_t brick = first;
+      for (int d = 0; d < Dim; ++d) brick += (corner >> d & 1) != 0 ? step[d] : 0;
+      ref[corner] = bricks.refs[brick];
+      same &= ref[corner] == ref[0];
+    }
+  }
+};
+
+/// Calls visit(corner, place, weight) for every voxel that has a say: the corner of BricksAround, the place in that
+/// brick.
 template <int Dim, int Taps, class Visit>
-void for_each_voxel(const Bricks<Dim>& bricks, const AxisTaps<Taps> (&taps)[Dim], Visit&& visit) {
+[[gnu::always_inline]] inline void visit_taps(const AxisTaps<Taps> (&taps)[Dim], Visit&& visit) {
   constexpr int kShift = Bricks<Dim>::kShift;
   constexpr int kMask = Bricks<Dim>::kSide - 1;
-  std::int64_t stride[Dim];
-  stride[0] = 1;
-  for (int d = 1; d < Dim; ++d) stride[d] = stride[d - 1] * bricks.brick_extent[d - 1];
-  const auto plane = [&](int k, int j) {
-    double outer = taps[1].weight[j];
-    std::int64_t brick = (taps[1].voxel[j] >> kShift) * stride[1];
-    int place = (taps[1].voxel[j] & kMask) << kShift;
-    if constexpr (Dim == 3) {
-      outer *= taps[2].weight[k];
-      brick += (taps[2].voxel[k] >> kShift) * stride[2];
-      place |= (taps[2].voxel[k] & kMask) << (2 * kShift);
-    }
-    if (outer == 0) return;
-    for (int i = 0; i < Taps; ++i)
-      if (taps[0].weight[i] != 0)
-        visit(bricks.refs[brick + (taps[0].voxel[i] >> kShift)], place | (taps[0].voxel[i] & kMask),
-              outer * taps[0].weight[i]);
+  const auto upper = [&](int d, int tap) {
+    return (taps[d].voxel[tap] ^ taps[d].voxel[0]) >> kShift != 0 ? 1 << d : 0;
   };
-  for (int k = 0; k < (Dim == 3 ? Taps : 1); ++k)
-    for (int j = 0; j < Taps; ++j) plane(k, j);
+  for (int outer = 0; outer < (Dim == 3 ? Taps * Taps : Taps); ++outer) {
+    const int j = outer % Taps;
+    double weight = taps[1].weight[j];
+    int place = (taps[1].voxel[j] & kMask) << kShift;
+    int corner = upper(1, j);
+    if constexpr (Dim == 3) {
+      const int k = outer / Taps;
+      weight *= taps[2].weight[k];
+      place |= (taps[2].voxel[k] & kMask) << (2 * kShift);
+      corner |= upper(2, k);
+    }
+    for (int i = 0; i < Taps; ++i)
+      visit(corner | upper(0, i), place | (taps[0].voxel[i] & kMask), weight * taps[0].weight[i]);
+  }
 }
 
-/// The label that is alone in all voxels with a say, if each of their bricks is uniform; else kOutside.
+/// Weights of the only two labels around a point.
+struct PairWeights {
+  MaterialId material[2];
+  double weight[2];
+};
+
+/// The two weights at a point if all bricks around it are of the same two labels (by far the most frequent case, and
+/// one without a branch a voxel).
 template <int Dim, int Taps>
-MaterialId uniform_over(const Bricks<Dim>& bricks, const AxisTaps<Taps> (&taps)[Dim]) {
-  constexpr int kShift = Bricks<Dim>::kShift;
-  std::int64_t brick = 0;
-  std::int64_t step[Dim];
-  std::int64_t stride = 1;
-  for (int d = 0; d < Dim; ++d) {
-    const std::int32_t low = taps[d].voxel[0] >> kShift;
-    brick += low * stride;
-    step[d] = ((taps[d].voxel[Taps - 1] >> kShift) - low) * stride;
-    stride *= bricks.brick_extent[d];
+[[gnu::always_inline]] inline bool pair_weights(const Bricks<Dim>& bricks, const BricksAround<Dim, Taps>& around,
+                                                const AxisTaps<Taps> (&taps)[Dim], PairWeights& result) {
+  constexpr int kCorners = BricksAround<Dim, Taps>::kCorners;
+  const std::uint32_t* brick[kCorners];
+  if (around.same) {
+    if ((around.ref[0] & Bricks<Dim>::kPair) == 0) return false;
+    std::fill_n(brick, kCorners, bricks.data(around.ref[0]));
+  } else {
+    std::uint64_t all = around.ref[0];
+    for (std::uint64_t ref : around.ref) all &= ref;
+    if ((all & Bricks<Dim>::kPair) == 0) return false;
+    bool equal = true;
+    for (int corner = 0; corner < kCorners; ++corner) {
+      brick[corner] = bricks.data(around.ref[corner]);
+      equal &= brick[corner][0] == brick[0][0] && brick[corner][1] == brick[0][1];
+    }
+    if (!equal) return false;
   }
-  const std::uint64_t ref = bricks.refs[brick];
-  if (!(ref & Bricks<Dim>::kUniform)) return kOutside;
-  for (int corner = 1; corner < 1 << Dim; ++corner) {
-    std::int64_t other = brick;
-    for (int d = 0; d < Dim; ++d)
-      if (corner >> d & 1) other += step[d];
-    if (bricks.refs[other] != ref) return kOutside;
-  }
-  return static_cast<MaterialId>(ref);
+  double first = 0;
+  double second = 0;
+  visit_taps(taps, [&](int corner, int place, double w) {
+    const std::uint32_t word = brick[corner][Bricks<Dim>::kPairHeader + place];
+    first += w * static_cast<std::int32_t>(word & 0xffffU);
+    second += w * static_cast<std::int32_t>(word >> 16);
+  });
+  result = {{brick[0][0], brick[0][1]}, {first / Bricks<Dim>::kOne, second / Bricks<Dim>::kOne}};
+  return true;
 }
 
 /// Sums of weights by material, in the order in which they come.
@@ -138,49 +178,51 @@ class Sums {
   double weight_[kCapacity];
 };
 
-constexpr double kUnit = 1.0 / (1U << 15);
-
 template <int Dim, int Taps>
 int sample_taps(const Bricks<Dim>& bricks, const AxisTaps<Taps> (&taps)[Dim], std::span<LabelWeight> out) {
-  const MaterialId alone = uniform_over(bricks, taps);
-  if (alone != kOutside) {
-    out[0] = {alone, 1.0F};
+  const BricksAround<Dim, Taps> around(bricks, taps);
+  if (around.same && (around.ref[0] & Bricks<Dim>::kUniform) != 0) {
+    out[0] = {static_cast<MaterialId>(around.ref[0]), 1.0F};
     return 1;
   }
   Sums sums;
-  for_each_voxel(bricks, taps, [&](std::uint64_t ref, int place, double w) {
-    if (ref & Bricks<Dim>::kUniform) {
-      sums.add(static_cast<MaterialId>(ref), w);
-      return;
-    }
-    const auto e = bricks.entries(ref, place);
-    for (const std::uint32_t* p = e.first; p != e.last; ++p)
-      sums.add(e.palette[*p >> 16], w * (kUnit * (*p & 0xffffU)));
-  });
+  PairWeights pair;
+  if (pair_weights(bricks, around, taps, pair)) {
+    for (int i = 0; i < 2; ++i) sums.add(pair.material[i], pair.weight[i]);
+  } else {
+    visit_taps(taps, [&](int corner, int place, double w) {
+      if (w == 0) return;
+      bricks.visit_voxel(around.ref[corner], place, [&](MaterialId m, std::uint32_t weight) {
+        sums.add(m, w * (static_cast<std::int32_t>(weight) * (1.0 / Bricks<Dim>::kOne)));
+      });
+    });
+  }
   return sums.write(out);
 }
 
 /// weight(a) - weight(b); b may be kOutside, which weighs nothing.
 template <int Dim, int Taps>
 float difference_taps(const Bricks<Dim>& bricks, const AxisTaps<Taps> (&taps)[Dim], MaterialId a, MaterialId b) {
-  const MaterialId alone = uniform_over(bricks, taps);
-  if (alone != kOutside) return alone == a ? 1.0F : alone == b ? -1.0F : 0.0F;
+  const BricksAround<Dim, Taps> around(bricks, taps);
   double sum_a = 0;
   double sum_b = 0;
-  for_each_voxel(bricks, taps, [&](std::uint64_t ref, int place, double w) {
-    if (ref & Bricks<Dim>::kUniform) {
-      if (static_cast<MaterialId>(ref) == a) sum_a += w;
-      if (static_cast<MaterialId>(ref) == b) sum_b += w;
-      return;
-    }
-    const auto e = bricks.entries(ref, place);
-    for (const std::uint32_t* p = e.first; p != e.last; ++p) {
-      const MaterialId m = e.palette[*p >> 16];
-      const double v = w * (kUnit * (*p & 0xffffU));
-      sum_a += m == a ? v : 0;
-      sum_b += m == b ? v : 0;
-    }
-  });
+  const auto add = [&](MaterialId m, double w) {
+    sum_a += m == a ? w : 0;
+    sum_b += m == b ? w : 0;
+  };
+  PairWeights pair;
+  if (around.same && (around.ref[0] & Bricks<Dim>::kUniform) != 0) {
+    add(static_cast<MaterialId>(around.ref[0]), 1);
+  } else if (pair_weights(bricks, around, taps, pair)) {
+    for (int i = 0; i < 2; ++i) add(pair.material[i], pair.weight[i]);
+  } else {
+    visit_taps(taps, [&](int corner, int place, double w) {
+      if (w == 0) return;
+      bricks.visit_voxel(around.ref[corner], place, [&](MaterialId m, std::uint32_t weight) {
+        add(m, w * (static_cast<std::int32_t>(weight) * (1.0 / Bricks<Dim>::kOne)));
+      });
+    });
+  }
   return static_cast<float>(sum_a - sum_b);
 }
 

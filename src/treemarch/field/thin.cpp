@@ -151,15 +151,8 @@ class Thinness {
 template <int Dim>
 void make_raw(Bricks<Dim>& bricks, const Mask& mask, const Execution& execution) {
   parallel_for(execution, static_cast<std::int64_t>(mask.size()), 256, [&](std::int64_t brick) {
-    const std::uint64_t ref = bricks.refs[brick];
-    if (ref & Bricks<Dim>::kUniform) return;
-    std::vector<std::uint32_t>& chunk = bricks.chunks[ref >> 32];
-    for (std::uint64_t rest = mask[brick]; rest != 0; rest &= rest - 1) {
-      const auto e = bricks.entries(ref, std::countr_zero(rest));
-      std::uint32_t* word = chunk.data() + (e.first - chunk.data());
-      *word = (*word & 0xffff0000U) | Bricks<Dim>::kOne;
-      for (++word; word != e.last; ++word) *word &= 0xffff0000U;
-    }
+    for (std::uint64_t rest = mask[brick]; rest != 0; rest &= rest - 1)
+      bricks.make_raw(bricks.refs[brick], std::countr_zero(rest));
   });
 }
 
