@@ -189,14 +189,15 @@ TEST(Thin, RoundShapesAreLeftAlone) {
 TEST(Thin, CountsWhatBecameRaw) {
   const auto image = shape([](const Coord<3>& c) { return c == Coord<3>{9, 10, 11}; });
   Execution execution(2);
-  FieldOptions options;
-  options.keep_thin = false;
-  Bricks<3> bricks = build_field(image, options, execution).bricks();
-  std::vector<std::uint64_t> flagged(bricks.refs.size());
-  EXPECT_EQ(keep_thin(image, flagged, bricks, execution), 0);
+  VoxelLists<3> lists;
+  lists.extent = image.extent;
+  lists.brick_extent = {6, 7, 7};
+  lists.refs.assign(6 * 7 * 7, VoxelLists<3>::kUniform);
+  std::vector<std::uint64_t> flagged(lists.refs.size());
+  EXPECT_EQ(keep_thin(image, flagged, lists, execution), 0);
   const Coord<3> grain{9, 10, 11};
-  flagged[bricks.brick_of(grain)] = std::uint64_t{1} << Bricks<3>::place_in_brick(grain);
-  EXPECT_EQ(keep_thin(image, flagged, bricks, execution), 27);
+  flagged[lists.brick_of(grain)] = std::uint64_t{1} << VoxelLists<3>::place_in_brick(grain);
+  EXPECT_EQ(keep_thin(image, flagged, lists, execution), 27);
 }
 
 }  // namespace

@@ -9,9 +9,9 @@ namespace {
 
 constexpr std::uint32_t kNone = 0xffffffffU;
 /// Labels that weigh less at a voxel are left out.
-constexpr std::uint32_t kLeastWeight = Bricks<3>::kOne / 512;
+constexpr std::uint32_t kLeastWeight = VoxelLists<3>::kOne / 512;
 /// A voxel whose own label does not win by this much is flagged as perhaps too thin (design section 6).
-constexpr std::uint32_t kThinMargin = Bricks<3>::kOne / 10;
+constexpr std::uint32_t kThinMargin = VoxelLists<3>::kOne / 10;
 /// At most so many other labels a voxel are kept.
 constexpr std::size_t kMostOthers = 31;
 
@@ -56,7 +56,7 @@ BlockBuilder<Dim>::BlockBuilder(const LabelImage<Dim>& image, const IndicatorFil
       value_(kVoxels),
       second_value_(kVoxels),
       foreground_(static_cast<std::size_t>(side_) * depth_) {
-  constexpr int kShift = Bricks<Dim>::kShift;
+  constexpr int kShift = VoxelLists<Dim>::kShift;
   for (int i = 0; i < kVoxels; ++i) {
     Coord<Dim> voxel{};
     int rest = i;
@@ -66,7 +66,8 @@ BlockBuilder<Dim>::BlockBuilder(const LabelImage<Dim>& image, const IndicatorFil
       rest /= kSide;
     }
     for (int d = Dim; d-- > 0;) brick = brick * kBricksPerSide + (voxel[d] >> kShift);
-    place_of_[i] = static_cast<std::uint16_t>(brick * Bricks<Dim>::kVoxels + Bricks<Dim>::place_in_brick(voxel));
+    place_of_[i] =
+        static_cast<std::uint16_t>(brick * VoxelLists<Dim>::kVoxels + VoxelLists<Dim>::place_in_brick(voxel));
   }
 }
 
@@ -123,7 +124,7 @@ bool BlockBuilder<Dim>::find_mixed_bricks() {
     std::fill(mixed_.begin(), mixed_.end(), 0);
     return false;
   }
-  constexpr int kBrick = Bricks<Dim>::kSide;
+  constexpr int kBrick = VoxelLists<Dim>::kSide;
   std::vector<std::uint32_t> alone(static_cast<std::size_t>(side_) * depth_ * kBricksPerSide, kNone);
   for (const Run& run : runs_)
     for (int b = 0; b < kBricksPerSide; ++b) {
@@ -170,7 +171,7 @@ void BlockBuilder<Dim>::fill_own() {
     const std::uint16_t* place = place_of_.data() + (z * kSide + y) * kSide;
     for (int x = std::max(run.x0 - halo_, 0); x < std::min(run.x1 - halo_, kSide); ++x) own_[place[x]] = run.label;
   }
-  std::fill(own_weight_.begin(), own_weight_.end(), filter_.none() ? Bricks<Dim>::kOne : 0);
+  std::fill(own_weight_.begin(), own_weight_.end(), filter_.none() ? VoxelLists<Dim>::kOne : 0);
 }
 
 /// Convolves the indicator that the runs describe, along each axis in turn. Rows and planes without a voxel of the
@@ -240,10 +241,10 @@ void BlockBuilder<Dim>::smooth_label(std::uint32_t label) {
   collect(label, ya, yb, za, zb);
 }
 
-/// Turns the dense values of a label into entries of the voxels of mixed bricks.
+/// Turns the dense values of a label into entries of the voxels of mixed lists.
 template <int Dim>
 void BlockBuilder<Dim>::collect(std::uint32_t label, int y0, int y1, int z0, int z1) {
-  constexpr float kToUnit = static_cast<float>(Bricks<Dim>::kOne) / (1U << 24);
+  constexpr float kToUnit = static_cast<float>(VoxelLists<Dim>::kOne) / (1U << 24);
   for (int z = z0; z < z1; ++z) {
     const int begin = (z * kSide + y0) * kSide;
     const int end = (z * kSide + y1) * kSide;
@@ -254,7 +255,7 @@ void BlockBuilder<Dim>::collect(std::uint32_t label, int y0, int y1, int z0, int
       const std::uint16_t place = place_of_[i];
       if (own_[place] == label)
         own_weight_[place] = weight;
-      else if (weight >= kLeastWeight && mixed_[place / Bricks<Dim>::kVoxels])
+      else if (weight >= kLeastWeight && mixed_[place / VoxelLists<Dim>::kVoxels])
         items_.push_back({make_word(label, weight), place});
     }
   }
@@ -302,9 +303,9 @@ void BlockBuilder<Dim>::mix_grey(const Coord<Dim>& voxel, std::vector<std::uint3
   const double value = grey_.values[linear_index(voxel, image_.extent)];
   if (largest == 0 || !std::isfinite(value)) return;  // the labels decide
   const double share = std::clamp(0.5 + grey_.slope * (value - grey_.threshold), 0.0, 1.0);
-  const auto rest = static_cast<std::uint32_t>(std::lround((1 - share) * Bricks<Dim>::kOne));
+  const auto rest = static_cast<std::uint32_t>(std::lround((1 - share) * VoxelLists<Dim>::kOne));
   for (std::uint32_t& word : entries) {
-    const double scaled = share * Bricks<Dim>::kOne * weight_of(word) / largest;
+    const double scaled = share * VoxelLists<Dim>::kOne * weight_of(word) / largest;
     word = make_word(word >> 16, word >> 16 == background ? rest : static_cast<std::uint32_t>(std::lround(scaled)));
   }
   if (!has_background && rest > 0) entries.push_back(make_word(background, rest));
@@ -335,11 +336,12 @@ template <int Dim>
 std::uint64_t BlockBuilder<Dim>::list_brick(const Coord<Dim>& brick, const Coord<Dim>& block, int first_place) {
   std::uint64_t flags = 0;
   lists_.clear();
-  for (int p = 0; p < Bricks<Dim>::kVoxels; ++p) {
+  for (int p = 0; p < VoxelLists<Dim>::kVoxels; ++p) {
     Coord<Dim> voxel{};
     bool inside = true;
     for (int d = 0; d < Dim; ++d) {
-      voxel[d] = brick[d] * Bricks<Dim>::kSide + (p >> (d * Bricks<Dim>::kShift) & (Bricks<Dim>::kSide - 1));
+      voxel[d] =
+          brick[d] * VoxelLists<Dim>::kSide + (p >> (d * VoxelLists<Dim>::kShift) & (VoxelLists<Dim>::kSide - 1));
       inside &= voxel[d] < image_.extent[d];
     }
     if (inside) {
@@ -351,43 +353,19 @@ std::uint64_t BlockBuilder<Dim>::list_brick(const Coord<Dim>& brick, const Coord
   return flags;
 }
 
-/// Appends the brick that list_brick() listed to the chunk, in the shortest form; returns its reference.
+/// Appends the brick that list_brick() listed to the chunk; returns its reference.
 template <int Dim>
 std::uint64_t BlockBuilder<Dim>::append_brick(std::uint32_t chunk_id, std::vector<std::uint32_t>& chunk) const {
-  const std::uint32_t first = lists_[0] >> 16;
-  std::uint32_t second = first;
-  bool more = false;
-  for (std::uint32_t word : lists_)
-    if (word >> 16 != first) {
-      more |= second != first && second != word >> 16;
-      second = word >> 16;
-    }
-  if (second == first) return Bricks<Dim>::kUniform | palette_[first];
-  const std::uint64_t ref = (std::uint64_t{chunk_id} << 32) | chunk.size();
-  if (more) {
-    const std::size_t header = chunk.size();
-    chunk.resize(header + Bricks<Dim>::kListHeader);
-    // Offsets are 16 bits: 64 voxels of at most 33 entries.
-    for (int p = 1; p <= Bricks<Dim>::kVoxels; ++p) chunk[header + p / 2] |= list_end_[p - 1] << (16 * (p % 2));
-    chunk.insert(chunk.end(), lists_.begin(), lists_.end());
-    return ref;
-  }
-  // In the order of the materials, so that neighbouring bricks of the same two labels agree on it.
-  const bool swap = palette_[second] < palette_[first];
-  std::uint32_t* pair = &*chunk.insert(chunk.end(), Bricks<Dim>::kPairHeader + Bricks<Dim>::kVoxels, 0U);
-  pair[0] = palette_[swap ? second : first];
-  pair[1] = palette_[swap ? first : second];
-  for (std::uint32_t p = 0, i = 0; p < Bricks<Dim>::kVoxels; ++p)
-    for (const std::uint32_t begin = i; i < list_end_[p]; ++i) {
-      const bool upper = (lists_[i] >> 16 == second) != swap;
-      pair[Bricks<Dim>::kPairHeader + p] |= weight_of(lists_[i]) << (upper ? 16 : 0);
-      if (i == begin && upper) pair[2 + p / 32] |= 1U << (p % 32);
-    }
-  return ref | Bricks<Dim>::kPair;
+  const std::size_t header = chunk.size();
+  chunk.resize(header + VoxelLists<Dim>::kHeader);
+  // Offsets are 16 bits: 64 voxels of at most 33 entries.
+  for (int p = 1; p <= VoxelLists<Dim>::kVoxels; ++p) chunk[header + p / 2] |= list_end_[p - 1] << (16 * (p % 2));
+  chunk.insert(chunk.end(), lists_.begin(), lists_.end());
+  return (std::uint64_t{chunk_id} << 32) | header;
 }
 
 template <int Dim>
-void BlockBuilder<Dim>::write_bricks(const Coord<Dim>& block, std::uint32_t chunk_id, Bricks<Dim>& bricks,
+void BlockBuilder<Dim>::write_bricks(const Coord<Dim>& block, std::uint32_t chunk_id, VoxelLists<Dim>& lists,
                                      std::uint64_t* flagged) {
   std::vector<std::uint32_t> chunk(palette_.begin(), palette_.end());
   const std::size_t empty = chunk.size();
@@ -396,24 +374,24 @@ void BlockBuilder<Dim>::write_bricks(const Coord<Dim>& block, std::uint32_t chun
     bool inside = true;
     for (int d = 0, rest = b; d < Dim; ++d, rest /= kBricksPerSide) {
       brick[d] = block[d] * kBricksPerSide + rest % kBricksPerSide;
-      inside &= brick[d] < bricks.brick_extent[d];
+      inside &= brick[d] < lists.brick_extent[d];
     }
     if (!inside) continue;
-    const std::int64_t index = linear_index(brick, bricks.brick_extent);
-    const int first_place = b * Bricks<Dim>::kVoxels;
+    const std::int64_t index = linear_index(brick, lists.brick_extent);
+    const int first_place = b * VoxelLists<Dim>::kVoxels;
     if (!mixed_[b]) {
-      bricks.refs[index] = Bricks<Dim>::kUniform | palette_[own_[first_place]];
+      lists.refs[index] = VoxelLists<Dim>::kUniform | palette_[own_[first_place]];
       continue;
     }
     const std::uint64_t flags = list_brick(brick, block, first_place);
-    bricks.refs[index] = append_brick(chunk_id, chunk);
+    lists.refs[index] = append_brick(chunk_id, chunk);
     if (flagged != nullptr) flagged[index] = flags;
   }
-  if (chunk.size() > empty) bricks.chunks[chunk_id].assign(chunk.begin(), chunk.end());
+  if (chunk.size() > empty) lists.chunks[chunk_id].assign(chunk.begin(), chunk.end());
 }
 
 template <int Dim>
-void BlockBuilder<Dim>::build(const Coord<Dim>& block, std::uint32_t chunk_id, Bricks<Dim>& bricks,
+void BlockBuilder<Dim>::build(const Coord<Dim>& block, std::uint32_t chunk_id, VoxelLists<Dim>& lists,
                               std::uint64_t* flagged) {
   gather_runs(block);
   const bool any_mixed = find_mixed_bricks();
@@ -432,7 +410,7 @@ void BlockBuilder<Dim>::build(const Coord<Dim>& block, std::uint32_t chunk_id, B
   }
   if (any_mixed) sort_items();
   if (!any_mixed) first_item_.assign(kVoxels + 1, 0);
-  write_bricks(block, chunk_id, bricks, flagged);
+  write_bricks(block, chunk_id, lists, flagged);
 }
 
 template class BlockBuilder<2>;

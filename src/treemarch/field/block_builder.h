@@ -6,8 +6,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "treemarch/field/bricks.h"
 #include "treemarch/field/kernel.h"
+#include "treemarch/field/voxel_lists.h"
 #include "treemarch/image/label_image.h"
 
 namespace treemarch {
@@ -41,13 +41,13 @@ class BlockBuilder {
 
   /// Fills refs and chunk of the block, and a bit a voxel where the voxel's own label does not win by a margin.
   /// \param flagged one word a brick, or null.
-  void build(const Coord<Dim>& block, std::uint32_t chunk_id, Bricks<Dim>& bricks, std::uint64_t* flagged);
+  void build(const Coord<Dim>& block, std::uint32_t chunk_id, VoxelLists<Dim>& lists, std::uint64_t* flagged);
 
  private:
   static constexpr int kDepth = Dim == 3 ? kSide : 1;
   static constexpr int kVoxels = kSide * kSide * kDepth;
-  static constexpr int kBricksPerSide = kSide / Bricks<Dim>::kSide;
-  static constexpr int kBricks = kVoxels / Bricks<Dim>::kVoxels;
+  static constexpr int kBricksPerSide = kSide / VoxelLists<Dim>::kSide;
+  static constexpr int kBricks = kVoxels / VoxelLists<Dim>::kVoxels;
 
   /// Voxels [x0, x1) of a row of the block with its halo, of one label.
   struct Run {
@@ -75,7 +75,7 @@ class BlockBuilder {
   bool list_voxel(const Coord<Dim>& voxel, const Coord<Dim>& block, int place);
   std::uint64_t list_brick(const Coord<Dim>& brick, const Coord<Dim>& block, int first_place);
   std::uint64_t append_brick(std::uint32_t chunk_id, std::vector<std::uint32_t>& chunk) const;
-  void write_bricks(const Coord<Dim>& block, std::uint32_t chunk_id, Bricks<Dim>& bricks, std::uint64_t* flagged);
+  void write_bricks(const Coord<Dim>& block, std::uint32_t chunk_id, VoxelLists<Dim>& lists, std::uint64_t* flagged);
 
   const LabelImage<Dim>& image_;
   const IndicatorFilter& filter_;

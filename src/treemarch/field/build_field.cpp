@@ -80,25 +80,25 @@ GreyRule grey_rule(const LabelImage<Dim>& image, const GreyImage<Dim>& grey, dou
 template <int Dim>
 Field<Dim> build(const LabelImage<Dim>& image, FieldKind kind, const IndicatorFilter& filter, const GreyRule& grey,
                  bool thin, Execution& execution) {
-  Bricks<Dim> bricks;
-  bricks.extent = image.extent;
+  VoxelLists<Dim> lists;
+  lists.extent = image.extent;
   Coord<Dim> blocks{};
   for (int d = 0; d < Dim; ++d) {
-    bricks.brick_extent[d] = (image.extent[d] - 1) / Bricks<Dim>::kSide + 1;
+    lists.brick_extent[d] = (image.extent[d] - 1) / VoxelLists<Dim>::kSide + 1;
     blocks[d] = (image.extent[d] - 1) / BlockBuilder<Dim>::kSide + 1;
   }
   const std::int64_t block_total = product(blocks);
   if (block_total >= std::int64_t{1} << 31) throw Error(ErrorKind::limits, "image: too many voxels; crop it");
-  bricks.refs.resize(static_cast<std::size_t>(product(bricks.brick_extent)));
-  bricks.chunks.resize(static_cast<std::size_t>(block_total));
-  std::vector<std::uint64_t> flagged(thin ? bricks.refs.size() : 0);
+  lists.refs.resize(static_cast<std::size_t>(product(lists.brick_extent)));
+  lists.chunks.resize(static_cast<std::size_t>(block_total));
+  std::vector<std::uint64_t> flagged(thin ? lists.refs.size() : 0);
   parallel_for_ranges(execution, block_total, 8, [&](std::int64_t begin, std::int64_t end) {
     BlockBuilder<Dim> builder(image, filter, grey);
     for (std::int64_t b = begin; b < end; ++b)
-      builder.build(coord_of(b, blocks), static_cast<std::uint32_t>(b), bricks, thin ? flagged.data() : nullptr);
+      builder.build(coord_of(b, blocks), static_cast<std::uint32_t>(b), lists, thin ? flagged.data() : nullptr);
   });
-  if (thin) keep_thin(image, flagged, bricks, execution);
-  return Field<Dim>(kind, image.frame.spacing, std::move(bricks));
+  if (thin) keep_thin(image, flagged, lists, execution);
+  return Field<Dim>(kind, image.frame.spacing, make_bricks(lists, execution));
 }
 
 }  // namespace

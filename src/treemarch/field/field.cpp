@@ -8,138 +8,94 @@ namespace treemarch {
 
 namespace {
 
-/// The voxels along one axis that have a say at a point, and how much.
-template <int Taps>
-struct AxisTaps {
-  std::int32_t voxel[Taps];
-  double weight[Taps];
-};
-
 std::int32_t clamp_voxel(double v, std::int32_t extent) {
   // In double first: a point far outside must not overflow the integer.
   return static_cast<std::int32_t>(std::clamp(v, 0.0, static_cast<double>(extent - 1)));
 }
 
-AxisTaps<2> linear_taps(double u, std::int32_t extent) {
+/// What counts along one axis: a voxel with weight 1 - f and the next one with f.
+struct Tap {
+  std::int32_t voxel;
+  double f;
+};
+
+Tap linear_tap(double u, std::int32_t extent) {
   const double t = std::clamp(u - 0.5, 0.0, extent - 1.0);
   const auto voxel = static_cast<std::int32_t>(t);  // rounds down, and without a call, as t >= 0
-  const double f = t - voxel;
-  return {{voxel, std::min(voxel + 1, extent - 1)}, {1 - f, f}};
+  return {voxel, t - voxel};
 }
 
-AxisTaps<2> solid_angle_taps(double u, std::int32_t extent) {
+Tap solid_angle_tap(double u, std::int32_t extent) {
   constexpr double kOnFace = 1e-6;  // voxels
   const double face = std::round(u);
-  if (std::abs(u - face) < kOnFace) return {{clamp_voxel(face - 1, extent), clamp_voxel(face, extent)}, {0.5, 0.5}};
-  const std::int32_t v = clamp_voxel(std::floor(u), extent);
-  return {{v, v}, {1, 0}};
+  if (std::abs(u - face) < kOnFace && face > 0 && face < extent) return {static_cast<std::int32_t>(face) - 1, 0.5};
+  return {clamp_voxel(std::floor(u), extent), 0};
 }
 
-AxisTaps<4> bspline_taps(double u, std::int32_t extent) {
-  const double base = std::floor(u - 0.5);
-  const double f = u - 0.5 - base;
-  const double g = 1 - f;
-  AxisTaps<4> t;
-  for (int k = 0; k < 4; ++k) t.voxel[k] = clamp_voxel(base - 1 + k, extent);
-  // Each pair of mirrored taps is evaluated by the same expression, so that mirrored points get mirrored weights.
-  t.weight[0] = g * g * g / 6;
-  t.weight[1] = (4 - 3 * f * f * (1 + g)) / 6;
-  t.weight[2] = (4 - 3 * g * g * (1 + f)) / 6;
-  t.weight[3] = f * f * f / 6;
-  return t;
-}
-
-/// The bricks around a point: the taps lie in one or two along each axis.
-template <int Dim, int Taps>
-struct BricksAround {
+/// The cell of voxel centres around a point, and where in it the point lies.
+template <int Dim>
+struct Cell {
   static constexpr int kCorners = 1 << Dim;
-  std::uint64_t ref[kCorners];
-  bool same = true;  ///< one brick, or several uniform ones of one label
+  std::uint64_t ref;        ///< of the brick that holds the cell
+  int place;                ///< of the cell's first voxel in the brick
+  double weight[kCorners];  ///< of each voxel, first axis fastest
 
-  BricksAround(const Bricks<Dim>& bricks, const AxisTaps<Taps> (&taps)[Dim]) {
-    constexpr int kShift = Bricks<Dim>::kShift;
-    std::int64_t first = 0;
-    std::int64_t step[Dim];
-    std::int64_t stride = 1;
+  static constexpr std::array<int, kCorners> kOffset = [] {
+    std::array<int, kCorners> offset{};
+    for (int corner = 0; corner < kCorners; ++corner)
+      for (int d = 0, stride = 1; d < Dim; ++d, stride *= Bricks<Dim>::kReach)
+        offset[corner] += (corner >> d & 1) * stride;
+    return offset;
+  }();
+
+  Cell(const Bricks<Dim>& bricks, FieldKind kind, const Vec<Dim>& x, const Vec<Dim>& spacing) {
+    Coord<Dim> voxel;
+    double f[Dim];
     for (int d = 0; d < Dim; ++d) {
-      const std::int32_t low = taps[d].voxel[0] >> kShift;
-      first += low * stride;
-      step[d] = ((taps[d].voxel[Taps - 1] >> kShift) - low) * stride;
-      stride *= bricks.brick_extent[d];
+      const double u = x[d] / spacing[d];
+      const Tap tap =
+          kind == FieldKind::solid_angle ? solid_angle_tap(u, bricks.extent[d]) : linear_tap(u, bricks.extent[d]);
+      voxel[d] = tap.voxel;
+      f[d] = tap.f;
     }
-    for (int corner = 0; corner < kCorners; ++corner) {
-      std::int64_t brick = first;
-      for (int d = 0; d < Dim; ++d) brick += (corner >> d & 1) != 0 ? step[d] : 0;
-      ref[corner] = bricks.refs[brick];
-      same &= ref[corner] == ref[0];
-    }
+    ref = bricks.refs[bricks.brick_of(voxel)];
+    place = Bricks<Dim>::place_in_brick(voxel);
+    weight[0] = 1.0 / Bricks<Dim>::kOne;
+    for (int d = Dim; d-- > 0;)
+      for (int corner = (kCorners >> d) - 2; corner >= 0; corner -= 2) {
+        const double w = weight[corner / 2];
+        weight[corner + 1] = w * f[d];
+        weight[corner] = w * (1 - f[d]);
+      }
   }
 };
 
-/// Calls visit(corner, place, weight) for every voxel that has a say: the corner of BricksAround, the place in that
-/// brick.
-template <int Dim, int Taps, class Visit>
-[[gnu::always_inline]] inline void visit_taps(const AxisTaps<Taps> (&taps)[Dim], Visit&& visit) {
-  constexpr int kShift = Bricks<Dim>::kShift;
-  constexpr int kMask = Bricks<Dim>::kSide - 1;
-  const auto upper = [&](int d, int tap) {
-    return (taps[d].voxel[tap] ^ taps[d].voxel[0]) >> kShift != 0 ? 1 << d : 0;
-  };
-  for (int outer = 0; outer < (Dim == 3 ? Taps * Taps : Taps); ++outer) {
-    const int j = outer % Taps;
-    double weight = taps[1].weight[j];
-    int place = (taps[1].voxel[j] & kMask) << kShift;
-    int corner = upper(1, j);
-    if constexpr (Dim == 3) {
-      const int k = outer / Taps;
-      weight *= taps[2].weight[k];
-      place |= (taps[2].voxel[k] & kMask) << (2 * kShift);
-      corner |= upper(2, k);
-    }
-    for (int i = 0; i < Taps; ++i)
-      visit(corner | upper(0, i), place | (taps[0].voxel[i] & kMask), weight * taps[0].weight[i]);
+/// Writes label weights in order, the largest first.
+class Largest {
+ public:
+  explicit Largest(std::span<LabelWeight> out) : out_(out) {}
+  void put(MaterialId material, double weight) {
+    const LabelWeight entry{material, static_cast<float>(weight)};
+    if (entry.weight <= 0) return;
+    const int room = static_cast<int>(out_.size());
+    int at = size_;
+    while (at > 0 && before(entry, out_[at - 1])) --at;
+    if (at == room) return;
+    size_ = std::min(size_ + 1, room);
+    for (int j = size_ - 1; j > at; --j) out_[j] = out_[j - 1];
+    out_[at] = entry;
   }
-}
+  [[nodiscard]] int size() const { return size_; }
 
-/// Weights of the only two labels around a point.
-struct PairWeights {
-  MaterialId material[2];
-  double weight[2];
+ private:
+  static bool before(const LabelWeight& a, const LabelWeight& b) {
+    return a.weight != b.weight ? a.weight > b.weight : a.material < b.material;
+  }
+  std::span<LabelWeight> out_;
+  int size_ = 0;
 };
 
-/// The two weights at a point if all bricks around it are of the same two labels (by far the most frequent case, and
-/// one without a branch a voxel).
-template <int Dim, int Taps>
-[[gnu::always_inline]] inline bool pair_weights(const Bricks<Dim>& bricks, const BricksAround<Dim, Taps>& around,
-                                                const AxisTaps<Taps> (&taps)[Dim], PairWeights& result) {
-  constexpr int kCorners = BricksAround<Dim, Taps>::kCorners;
-  const std::uint32_t* brick[kCorners];
-  if (around.same) {
-    if ((around.ref[0] & Bricks<Dim>::kPair) == 0) return false;
-    std::fill_n(brick, kCorners, bricks.data(around.ref[0]));
-  } else {
-    std::uint64_t all = around.ref[0];
-    for (std::uint64_t ref : around.ref) all &= ref;
-    if ((all & Bricks<Dim>::kPair) == 0) return false;
-    bool equal = true;
-    for (int corner = 0; corner < kCorners; ++corner) {
-      brick[corner] = bricks.data(around.ref[corner]);
-      equal &= brick[corner][0] == brick[0][0] && brick[corner][1] == brick[0][1];
-    }
-    if (!equal) return false;
-  }
-  double first = 0;
-  double second = 0;
-  visit_taps(taps, [&](int corner, int place, double w) {
-    const std::uint32_t word = brick[corner][Bricks<Dim>::kPairHeader + place];
-    first += w * static_cast<std::int32_t>(word & 0xffffU);
-    second += w * static_cast<std::int32_t>(word >> 16);
-  });
-  result = {{brick[0][0], brick[0][1]}, {first / Bricks<Dim>::kOne, second / Bricks<Dim>::kOne}};
-  return true;
-}
-
-/// Sums of weights by material, in the order in which they come.
+/// Sums of weights by material.
 class Sums {
  public:
   void add(MaterialId material, double weight) {
@@ -148,116 +104,171 @@ class Sums {
         weight_[i] += weight;
         return;
       }
-    if (size_ == kCapacity) return;
     material_[size_] = material;
     weight_[size_++] = weight;
   }
-  /// Writes the largest, in order.
-  int write(std::span<LabelWeight> out) const {
-    int n = 0;
-    for (int i = 0; i < size_; ++i) {
-      const LabelWeight entry{material_[i], static_cast<float>(weight_[i])};
-      if (entry.weight <= 0) continue;
-      int at = n;
-      while (at > 0 && before(entry, out[at - 1])) --at;
-      if (at == static_cast<int>(out.size())) continue;
-      n = std::min(n + 1, static_cast<int>(out.size()));
-      for (int j = n - 1; j > at; --j) out[j] = out[j - 1];
-      out[at] = entry;
-    }
-    return n;
+  template <class Visit>
+  void visit(Visit&& visit) const {
+    for (int i = 0; i < size_; ++i) visit(material_[i], weight_[i]);
   }
 
  private:
-  static bool before(const LabelWeight& a, const LabelWeight& b) {
-    return a.weight != b.weight ? a.weight > b.weight : a.material < b.material;
-  }
-  static constexpr int kCapacity = 256;  // 8 voxels of at most 32 entries, or 64 of one
+  static constexpr int kCapacity = 8 * 33;  // 8 voxels of at most 33 entries
   int size_ = 0;
   MaterialId material_[kCapacity];
   double weight_[kCapacity];
 };
 
-template <int Dim, int Taps>
-int sample_taps(const Bricks<Dim>& bricks, const AxisTaps<Taps> (&taps)[Dim], std::span<LabelWeight> out) {
-  const BricksAround<Dim, Taps> around(bricks, taps);
-  if (around.same && (around.ref[0] & Bricks<Dim>::kUniform) != 0) {
-    out[0] = {static_cast<MaterialId>(around.ref[0]), 1.0F};
+/// Calls add(material, weight) for the labels of a cell, each once unless the brick has more than 8.
+template <int Dim, int Slots, class Add>
+void visit_table(const std::uint32_t* brick, const Cell<Dim>& cell, Add&& add) {
+  constexpr int kWords = Slots / 2;
+  const std::uint32_t* table = brick + Slots + Bricks<Dim>::kOwnWords + cell.place * kWords;
+  double sum[Slots] = {};
+  for (int corner = 0; corner < Cell<Dim>::kCorners; ++corner)
+    for (int i = 0; i < kWords; ++i) {
+      const std::uint32_t word = table[Cell<Dim>::kOffset[corner] * kWords + i];
+      sum[2 * i] += cell.weight[corner] * static_cast<std::int32_t>(word & 0xffffU);
+      sum[2 * i + 1] += cell.weight[corner] * static_cast<std::int32_t>(word >> 16);
+    }
+  for (int i = 0; i < Slots; ++i) add(brick[i], sum[i]);
+}
+
+template <int Dim, class Add>
+void visit_lists(const std::uint32_t* brick, const Cell<Dim>& cell, Add&& add) {
+  for (int corner = 0; corner < Cell<Dim>::kCorners; ++corner) {
+    const int place = cell.place + Cell<Dim>::kOffset[corner];
+    for (std::uint32_t i = brick[place]; i < brick[place + 1]; i += 2)
+      add(brick[i], cell.weight[corner] * brick[i + 1]);
+  }
+}
+
+/// Weight of one material of a brick, in a table.
+template <int Dim, int Slots>
+double table_weight(const std::uint32_t* brick, const Cell<Dim>& cell, MaterialId material) {
+  constexpr int kWords = Slots / 2;
+  int slot = 0;
+  while (slot < Slots && brick[slot] != material) ++slot;
+  if (slot == Slots) return 0;
+  const std::uint32_t* table = brick + Slots + Bricks<Dim>::kOwnWords + cell.place * kWords + slot / 2;
+  const int shift = 16 * (slot % 2);
+  double sum = 0;
+  for (int corner = 0; corner < Cell<Dim>::kCorners; ++corner)
+    sum +=
+        cell.weight[corner] * static_cast<std::int32_t>(table[Cell<Dim>::kOffset[corner] * kWords] >> shift & 0xffffU);
+  return sum;
+}
+
+template <int Dim>
+double cell_weight(const Bricks<Dim>& bricks, const Cell<Dim>& cell, MaterialId material) {
+  if (cell.ref & Bricks<Dim>::kUniform) return static_cast<MaterialId>(cell.ref) == material ? 1 : 0;
+  const std::uint32_t* brick = bricks.data(cell.ref);
+  switch (Bricks<Dim>::form_of(cell.ref)) {
+    case Bricks<Dim>::kTable2:
+      return table_weight<Dim, 2>(brick, cell, material);
+    case Bricks<Dim>::kTable4:
+      return table_weight<Dim, 4>(brick, cell, material);
+    case Bricks<Dim>::kTable8:
+      return table_weight<Dim, 8>(brick, cell, material);
+    default:
+      double sum = 0;
+      visit_lists(brick, cell, [&](MaterialId m, double w) { sum += m == material ? w : 0; });
+      return sum;
+  }
+}
+
+template <int Dim>
+int sample_cell(const Bricks<Dim>& bricks, const Cell<Dim>& cell, std::span<LabelWeight> out) {
+  if (cell.ref & Bricks<Dim>::kUniform) {
+    out[0] = {static_cast<MaterialId>(cell.ref), 1.0F};
     return 1;
   }
-  Sums sums;
-  PairWeights pair;
-  if (pair_weights(bricks, around, taps, pair)) {
-    for (int i = 0; i < 2; ++i) sums.add(pair.material[i], pair.weight[i]);
-  } else {
-    visit_taps(taps, [&](int corner, int place, double w) {
-      if (w == 0) return;
-      bricks.visit_voxel(around.ref[corner], place, [&](MaterialId m, std::uint32_t weight) {
-        sums.add(m, w * (static_cast<std::int32_t>(weight) * (1.0 / Bricks<Dim>::kOne)));
-      });
-    });
+  const std::uint32_t* brick = bricks.data(cell.ref);
+  Largest largest(out);
+  const auto put = [&](MaterialId m, double w) { largest.put(m, w); };
+  switch (Bricks<Dim>::form_of(cell.ref)) {
+    case Bricks<Dim>::kTable2:
+      visit_table<Dim, 2>(brick, cell, put);
+      break;
+    case Bricks<Dim>::kTable4:
+      visit_table<Dim, 4>(brick, cell, put);
+      break;
+    case Bricks<Dim>::kTable8:
+      visit_table<Dim, 8>(brick, cell, put);
+      break;
+    default:
+      Sums sums;
+      visit_lists(brick, cell, [&](MaterialId m, double w) { sums.add(m, w); });
+      sums.visit(put);
   }
-  return sums.write(out);
+  return largest.size();
 }
 
-/// weight(a) - weight(b); b may be kOutside, which weighs nothing.
-template <int Dim, int Taps>
-float difference_taps(const Bricks<Dim>& bricks, const AxisTaps<Taps> (&taps)[Dim], MaterialId a, MaterialId b) {
-  const BricksAround<Dim, Taps> around(bricks, taps);
-  double sum_a = 0;
-  double sum_b = 0;
-  const auto add = [&](MaterialId m, double w) {
-    sum_a += m == a ? w : 0;
-    sum_b += m == b ? w : 0;
-  };
-  PairWeights pair;
-  if (around.same && (around.ref[0] & Bricks<Dim>::kUniform) != 0) {
-    add(static_cast<MaterialId>(around.ref[0]), 1);
-  } else if (pair_weights(bricks, around, taps, pair)) {
-    for (int i = 0; i < 2; ++i) add(pair.material[i], pair.weight[i]);
-  } else {
-    visit_taps(taps, [&](int corner, int place, double w) {
-      if (w == 0) return;
-      bricks.visit_voxel(around.ref[corner], place, [&](MaterialId m, std::uint32_t weight) {
-        add(m, w * (static_cast<std::int32_t>(weight) * (1.0 / Bricks<Dim>::kOne)));
-      });
-    });
+/// Calls add(material, weight) for each of the 4^Dim voxels that have a say in a cubic B-spline.
+template <int Dim, class Add>
+void visit_bspline(const Bricks<Dim>& bricks, const Vec<Dim>& x, const Vec<Dim>& spacing, Add&& add) {
+  std::int32_t voxel[Dim][4];
+  double weight[Dim][4];
+  for (int d = 0; d < Dim; ++d) {
+    const double t = std::clamp(x[d] / spacing[d] - 0.5, -2.0, bricks.extent[d] + 1.0);
+    const double base = std::floor(t);
+    const double f = t - base;
+    const double g = 1 - f;
+    for (int k = 0; k < 4; ++k) voxel[d][k] = clamp_voxel(base - 1 + k, bricks.extent[d]);
+    // Each pair of mirrored taps is evaluated by the same expression.
+    weight[d][0] = g * g * g / 6;
+    weight[d][1] = (4 - 3 * f * f * (1 + g)) / 6;
+    weight[d][2] = (4 - 3 * g * g * (1 + f)) / 6;
+    weight[d][3] = f * f * f / 6;
   }
-  return static_cast<float>(sum_a - sum_b);
-}
-
-/// Calls use(taps) with the taps of the field's kind at a point.
-template <int Dim, class Use>
-auto with_taps(FieldKind kind, const Vec<Dim>& x, const Vec<Dim>& spacing, const Coord<Dim>& extent, Use&& use) {
-  if (kind == FieldKind::bspline3) {
-    AxisTaps<4> taps[Dim];
-    for (int d = 0; d < Dim; ++d) taps[d] = bspline_taps(x[d] / spacing[d], extent[d]);
-    return use(taps);
+  for (int i = 0; i < 1 << (2 * Dim); ++i) {
+    Coord<Dim> c{};
+    double w = 1;
+    for (int d = 0; d < Dim; ++d) {
+      c[d] = voxel[d][i >> (2 * d) & 3];
+      w *= weight[d][i >> (2 * d) & 3];
+    }
+    add(bricks.own(c), w);
   }
-  AxisTaps<2> taps[Dim];
-  for (int d = 0; d < Dim; ++d)
-    taps[d] = kind == FieldKind::solid_angle ? solid_angle_taps(x[d] / spacing[d], extent[d])
-                                             : linear_taps(x[d] / spacing[d], extent[d]);
-  return use(taps);
 }
 
 }  // namespace
 
 template <int Dim>
 int Field<Dim>::sample(const Vec<Dim>& x, std::span<LabelWeight> out) const {
-  return with_taps(kind_, x, spacing_, bricks_.extent,
-                   [&](const auto& taps) { return sample_taps(bricks_, taps, out); });
+  if (kind_ != FieldKind::bspline3) return sample_cell(bricks_, Cell<Dim>(bricks_, kind_, x, spacing_), out);
+  const MaterialId alone = uniform_label(x, x);
+  if (alone != kOutside) {
+    out[0] = {alone, 1.0F};
+    return 1;
+  }
+  Sums sums;
+  visit_bspline(bricks_, x, spacing_, [&](MaterialId m, double w) { sums.add(m, w); });
+  Largest largest(out);
+  sums.visit([&](MaterialId m, double w) { largest.put(m, w); });
+  return largest.size();
 }
 
 template <int Dim>
 float Field<Dim>::weight(const Vec<Dim>& x, MaterialId m) const {
+  if (kind_ != FieldKind::bspline3)
+    return static_cast<float>(cell_weight(bricks_, Cell<Dim>(bricks_, kind_, x, spacing_), m));
   return difference(x, m, kOutside);
 }
 
 template <int Dim>
 float Field<Dim>::difference(const Vec<Dim>& x, MaterialId a, MaterialId b) const {
-  return with_taps(kind_, x, spacing_, bricks_.extent,
-                   [&](const auto& taps) { return difference_taps(bricks_, taps, a, b); });
+  if (kind_ != FieldKind::bspline3) {
+    const Cell<Dim> cell(bricks_, kind_, x, spacing_);
+    return static_cast<float>(cell_weight(bricks_, cell, a) - cell_weight(bricks_, cell, b));
+  }
+  double sum_a = 0;
+  double sum_b = 0;
+  visit_bspline(bricks_, x, spacing_, [&](MaterialId m, double w) {
+    sum_a += m == a ? w : 0;
+    sum_b += m == b ? w : 0;
+  });
+  return static_cast<float>(sum_a - sum_b);
 }
 
 template <int Dim>
@@ -271,9 +282,9 @@ template <int Dim>
 MaterialId Field<Dim>::uniform_label(const Vec<Dim>& low, const Vec<Dim>& high) const {
   Coord<Dim> first{};
   Coord<Dim> count{};
-  const int reach = kind_ == FieldKind::bspline3 ? 2 : 1;
+  const int reach = kind_ == FieldKind::bspline3 ? 1 : 0;  // a brick knows one more layer of voxels
   for (int d = 0; d < Dim; ++d) {
-    const std::int32_t a = clamp_voxel(std::floor(low[d] / spacing_[d] - 0.5) - (reach - 1), bricks_.extent[d]);
+    const std::int32_t a = clamp_voxel(std::floor(low[d] / spacing_[d] - 0.5) - reach, bricks_.extent[d]);
     const std::int32_t b = clamp_voxel(std::floor(high[d] / spacing_[d] - 0.5) + reach, bricks_.extent[d]);
     first[d] = a >> Bricks<Dim>::kShift;
     count[d] = (b >> Bricks<Dim>::kShift) - first[d] + 1;

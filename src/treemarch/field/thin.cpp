@@ -17,8 +17,8 @@ using Mask = std::vector<std::uint64_t>;
 template <int Dim>
 class Thinness {
  public:
-  Thinness(const LabelImage<Dim>& image, const Bricks<Dim>& bricks, const Mask& flagged, const Execution& execution)
-      : image_(image), bricks_(bricks), flagged_(flagged), execution_(execution) {}
+  Thinness(const LabelImage<Dim>& image, const VoxelLists<Dim>& lists, const Mask& flagged, const Execution& execution)
+      : image_(image), lists_(lists), flagged_(flagged), execution_(execution) {}
 
   [[nodiscard]] Mask seeds() const {
     return select(flagged_, [this](const Coord<Dim>& c) {
@@ -53,7 +53,7 @@ class Thinness {
     Mask result = set;
     for_each(set, [&](const Coord<Dim>& c) {
       any_neighbour(c, [&](const Coord<Dim>& n) {
-        std::atomic_ref<std::uint64_t> word(result[bricks_.brick_of(n)]);
+        std::atomic_ref<std::uint64_t> word(result[lists_.brick_of(n)]);
         word.fetch_or(bit(n), std::memory_order_relaxed);
         return false;
       });
@@ -92,8 +92,8 @@ class Thinness {
     return reached == places;
   }
 
-  static std::uint64_t bit(const Coord<Dim>& c) { return std::uint64_t{1} << Bricks<Dim>::place_in_brick(c); }
-  bool has(const Mask& mask, const Coord<Dim>& c) const { return (mask[bricks_.brick_of(c)] & bit(c)) != 0; }
+  static std::uint64_t bit(const Coord<Dim>& c) { return std::uint64_t{1} << VoxelLists<Dim>::place_in_brick(c); }
+  bool has(const Mask& mask, const Coord<Dim>& c) const { return (mask[lists_.brick_of(c)] & bit(c)) != 0; }
 
   /// Calls f for the neighbours of c until it is true of one.
   template <class F>
@@ -112,13 +112,14 @@ class Thinness {
 
   template <class F>
   void for_each_in_brick(const Mask& mask, std::int64_t brick, F&& f) const {
-    constexpr int kShift = Bricks<Dim>::kShift;
+    constexpr int kShift = VoxelLists<Dim>::kShift;
     if (mask[brick] == 0) return;
-    const Coord<Dim> corner = coord_of(brick, bricks_.brick_extent);
+    const Coord<Dim> corner = coord_of(brick, lists_.brick_extent);
     for (std::uint64_t rest = mask[brick]; rest != 0; rest &= rest - 1) {
       const int place = std::countr_zero(rest);
       Coord<Dim> c{};
-      for (int d = 0; d < Dim; ++d) c[d] = (corner[d] << kShift) | (place >> (d * kShift) & (Bricks<Dim>::kSide - 1));
+      for (int d = 0; d < Dim; ++d)
+        c[d] = (corner[d] << kShift) | (place >> (d * kShift) & (VoxelLists<Dim>::kSide - 1));
       f(c, rest & -rest);
     }
   }
@@ -142,38 +143,40 @@ class Thinness {
   }
 
   const LabelImage<Dim>& image_;
-  const Bricks<Dim>& bricks_;
+  const VoxelLists<Dim>& lists_;
   const Mask& flagged_;
   const Execution& execution_;
 };
 
 /// A voxel's own label gets the whole weight.
 template <int Dim>
-void make_raw(Bricks<Dim>& bricks, const Mask& mask, const Execution& execution) {
+void make_raw(VoxelLists<Dim>& lists, const Mask& mask, const Execution& execution) {
   parallel_for(execution, static_cast<std::int64_t>(mask.size()), 256, [&](std::int64_t brick) {
     for (std::uint64_t rest = mask[brick]; rest != 0; rest &= rest - 1)
-      bricks.make_raw(bricks.refs[brick], std::countr_zero(rest));
+      lists.make_raw(lists.refs[brick], std::countr_zero(rest));
   });
 }
 
 }  // namespace
 
 template <int Dim>
-std::int64_t keep_thin(const LabelImage<Dim>& image, const std::vector<std::uint64_t>& flagged, Bricks<Dim>& bricks,
+std::int64_t keep_thin(const LabelImage<Dim>& image, const std::vector<std::uint64_t>& flagged, VoxelLists<Dim>& lists,
                        const Execution& execution) {
-  const Thinness<Dim> thinness(image, bricks, flagged, execution);
+  const Thinness<Dim> thinness(image, lists, flagged, execution);
   Mask thin = thinness.seeds();
   for (int step = 0; step < 2; ++step) thin = thinness.grown(thin);
   const Mask bridges = thinness.bridges();
   for (std::size_t b = 0; b < thin.size(); ++b) thin[b] |= bridges[b];
   thin = thinness.with_ring(thin);
-  make_raw(bricks, thin, execution);
+  make_raw(lists, thin, execution);
   std::int64_t count = 0;
   for (std::uint64_t word : thin) count += std::popcount(word);
   return count;
 }
 
-template std::int64_t keep_thin(const LabelImage<2>&, const std::vector<std::uint64_t>&, Bricks<2>&, const Execution&);
-template std::int64_t keep_thin(const LabelImage<3>&, const std::vector<std::uint64_t>&, Bricks<3>&, const Execution&);
+template std::int64_t keep_thin(const LabelImage<2>&, const std::vector<std::uint64_t>&, VoxelLists<2>&,
+                                const Execution&);
+template std::int64_t keep_thin(const LabelImage<3>&, const std::vector<std::uint64_t>&, VoxelLists<3>&,
+                                const Execution&);
 
 }  // namespace treemarch

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "treemarch/core/execution.h"
-#include "treemarch/field/bricks.h"
+#include "treemarch/field/voxel_lists.h"
 #include "treemarch/image/label_image.h"
 
 namespace treemarch {
@@ -19,9 +19,9 @@ namespace treemarch {
 /// their label hang together only through them, are added (this goes beyond the design). All of these and one ring
 /// around them become raw. Neighbours share a face, an edge or a corner. So every component of a label keeps a voxel
 /// where the label wins: either one without a flag, or, if there is none, all of it is raw. \param flagged one bit a
-/// voxel, one word a brick, in the order of Bricks::place_in_brick(). \return number of voxels that became raw.
+/// voxel, one word a brick, in the order of VoxelLists::place_in_brick(). \return number of voxels that became raw.
 template <int Dim>
-std::int64_t keep_thin(const LabelImage<Dim>& image, const std::vector<std::uint64_t>& flagged, Bricks<Dim>& bricks,
+std::int64_t keep_thin(const LabelImage<Dim>& image, const std::vector<std::uint64_t>& flagged, VoxelLists<Dim>& lists,
                        const Execution& execution);
 
 }  // namespace treemarch
