@@ -34,7 +34,7 @@ TYPED_TEST(BricksTest, EveryFormHoldsWhatTheListsHold) {
       const auto bricks = make_bricks(lists, execution);
       const Field<kDim> field(FieldKind::dgf, image.frame.spacing, bricks);
       for (std::uint64_t ref : bricks.refs)
-        forms.insert((ref & Bricks<kDim>::kUniform) != 0 ? 99 : Bricks<kDim>::form_of(ref));
+        forms.insert((ref & Bricks<kDim>::kUniform) != 0 ? 99U : static_cast<unsigned>(Bricks<kDim>::form_of(ref)));
       for (std::int64_t i = 0; i < product(image.extent); ++i) {
         const auto c = coord_of(i, image.extent);
         ASSERT_EQ(bricks.own(c), image.material(c));

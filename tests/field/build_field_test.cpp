@@ -408,6 +408,12 @@ TEST(BuildField, SurfacesOfBallAndTorusAreWithinTheTable) {
       const Accuracy found = accuracy(shape, field, inside, 0);
       const Accuracy most = round ? bound.ball : bound.torus;
       SCOPED_TRACE(std::string(bound.name) + (round ? ", ball" : ", torus"));
+      const auto record = [&](const char* what, double value) {
+        RecordProperty(std::string(bound.name) + (round ? "_ball_" : "_torus_") + what, std::to_string(value));
+      };
+      record("surface", found.surface);
+      record("normal", found.normal);
+      record("volume", found.volume);
       EXPECT_LE(found.surface, most.surface);
       EXPECT_LE(found.normal, most.normal);
       EXPECT_LE(std::abs(found.volume), most.volume);
