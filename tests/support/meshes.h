@@ -85,7 +85,7 @@ inline Mesh<3> mixed_mesh() {
   return mesh;
 }
 
-/// One string for everything that a mesh holds, to compare meshes by.
+/// Whether two meshes hold the same in the same order.
 template <int Dim>
 bool same_mesh(const Mesh<Dim>& a, const Mesh<Dim>& b) {
   return a.points == b.points && a.labels == b.labels && a.names == b.names &&

@@ -3,11 +3,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <functional>
 #include <map>
 #include <set>
 
 #include "support/simplices.h"
 #include "support/trees.h"
+#include "treemarch/sizing/assign_materials.h"
+#include "treemarch/sizing/sizing.h"
 
 namespace treemarch {
 namespace {
@@ -192,6 +196,41 @@ TEST(MidpointTessellation, ManyRandomTrees) {
     check_case<3>({{"2", "2", "2", "2"}, balance, {32, 16, 16}, seed, density}, true);
     check_case<3>({{"3", "2", "221"}, balance, {24, 12, 13}, seed, density}, true);
   }
+}
+
+/// Cells of each label, from sizes to simplices.
+std::map<std::int32_t, std::int64_t> cells_by_label(const Coord<3>& extent,
+                                                    const std::function<std::int32_t(const Coord<3>&)>& label) {
+  std::vector<std::int32_t> values;
+  for (std::int64_t i = 0; i < product(extent); ++i) values.push_back(label(coord_of(i, extent)));
+  const auto image = make_label_image<3>(extent, values);
+  Execution execution(1);
+  const SizingRule rule{.min_size = 0, .max_size = 8, .material_size = {}, .interface_size = {}};
+  const auto sized = choose_lattice<3>(image, {}, rule, execution);
+  auto tree =
+      build_spacetree<3>(sized.lattice, sized.pattern, required_levels(image, sized, rule, execution), 1, execution);
+  assign_materials(tree, image, {}, execution);
+  const auto mesh = tessellate_midpoint(tree, {}, execution);
+  std::map<std::int32_t, std::int64_t> count;
+  for (const MaterialId m : mesh.blocks[0].materials) ++count[image.labels[m]];
+  return count;
+}
+
+TEST(MidpointTessellation, MirrorAndRotationGiveAsManyCells) {
+  const Coord<3> extent{48, 32, 16};
+  const auto label = [](const Coord<3>& c) {
+    const double f = std::sin(0.21 * c[0]) + std::sin(0.17 * c[1] + 1) + std::sin(0.3 * c[2] + 0.04 * c[0]);
+    return f < -0.5 ? 3 : f < 0.9 ? 0 : 8;
+  };
+  const auto expected = cells_by_label(extent, label);
+  ASSERT_EQ(expected.size(), 3U);
+  const auto mapped = [&](const Coord<3>& e, auto&& map) {
+    return cells_by_label(e, [&](const Coord<3>& c) { return label(map(c)); });
+  };
+  EXPECT_EQ(mapped(extent, [](Coord<3> c) { return Coord<3>{47 - c[0], c[1], c[2]}; }), expected);
+  EXPECT_EQ(mapped(extent, [](Coord<3> c) { return Coord<3>{c[0], c[1], 15 - c[2]}; }), expected);
+  EXPECT_EQ(mapped({32, 48, 16}, [](Coord<3> c) { return Coord<3>{c[1], 31 - c[0], c[2]}; }), expected);
+  EXPECT_EQ(mapped({16, 32, 48}, [](Coord<3> c) { return Coord<3>{47 - c[2], c[1], c[0]}; }), expected);
 }
 
 TEST(MidpointTessellation, UniformCubesTakeTheTemplate) {

@@ -30,6 +30,9 @@ class Levels {
     material_.assign(image.labels.size(), rule.max_size > 0 ? level_of(rule.max_size) : std::uint8_t{0});
     for (std::size_t m = 0; m < std::min(material_.size(), rule.material_size.size()); ++m)
       if (rule.material_size[m] > 0) material_[m] = level_of(rule.material_size[m]);
+    material_interface_.assign(material_.size(), interface_);
+    for (std::size_t m = 0; m < std::min(material_.size(), rule.material_interface_size.size()); ++m)
+      if (rule.material_interface_size[m] > 0) material_interface_[m] = level_of(rule.material_interface_size[m]);
     for (const SizingRule::Interface& i : rule.interface_size)
       pairs_.push_back({std::minmax(i.first, i.second), level_of(i.size)});
     std::stable_sort(pairs_.begin(), pairs_.end(),
@@ -44,7 +47,7 @@ class Levels {
                                        [](const Pair& p, const auto& k) { return p.materials < k; });
       if (at != pairs_.end() && at->materials == key) return at->level;
     }
-    return std::max({interface_, material_[a], material_[b]});
+    return std::max({material_interface_[a], material_interface_[b], material_[a], material_[b]});
   }
 
  private:
@@ -53,7 +56,7 @@ class Levels {
     std::uint8_t level;
   };
   std::uint8_t interface_ = 0;
-  std::vector<std::uint8_t> material_;
+  std::vector<std::uint8_t> material_, material_interface_;
   std::vector<Pair> pairs_;
 };
 

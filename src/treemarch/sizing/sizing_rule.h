@@ -14,6 +14,8 @@ struct SizingRule {
   double min_size = 0;                ///< at interfaces, unless stated otherwise; 0: the smallest spacing of the image
   double max_size = 0;                ///< everywhere else; 0: kDefaultCoarsening times the smallest cell
   std::vector<double> material_size;  ///< for all cells of a material; 0 or no entry: max_size
+  /// At all interfaces of a material; 0 or no entry: min_size. Where two materials meet, the smaller one counts.
+  std::vector<double> material_interface_size;
 
   struct Interface {
     MaterialId first = 0, second = 0;  ///< in either order

@@ -1,6 +1,7 @@
 #include "treemarch/tree/spacetree.h"
 
 #include <algorithm>
+#include <bit>
 #include <limits>
 #include <string>
 #include <utility>
@@ -176,8 +177,18 @@ template <int Dim>
 void Spacetree<Dim>::index_leaves(const Execution& execution) {
   const int levels = pattern.finest_level() + 1;
   cell_extent_.clear();
+  log2_extent_.clear();
   slots_per_axis_.clear();
-  for (int l = 0; l < levels; ++l) cell_extent_.push_back(pattern.cell_extent(l));
+  powers_of_two_ = true;
+  for (int l = 0; l < levels; ++l) {
+    cell_extent_.push_back(pattern.cell_extent(l));
+    log2_extent_.emplace_back();
+    for (int d = 0; d < Dim; ++d) {
+      const auto side = static_cast<std::uint32_t>(cell_extent_[l][d]);
+      log2_extent_[l][d] = std::bit_width(side) - 1;
+      powers_of_two_ &= std::has_single_bit(side);
+    }
+  }
   for (int l = 0; l < levels; ++l) {
     Coord<Dim> n{};
     for (int d = 0; d < Dim; ++d) n[d] = cell_extent_[0][d] / cell_extent_[l][d];

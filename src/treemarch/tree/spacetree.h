@@ -61,18 +61,9 @@ class Spacetree {
   [[nodiscard]] const Coord<Dim>& extent_of(const Leaf<Dim>& leaf) const { return cell_extent_[leaf.level]; }
   /// The leaf that covers a finest cell, or kNoLeaf beyond the box. Constant time.
   [[nodiscard]] LeafId leaf_at(const Coord<Dim>& cell) const {
-    std::int64_t root = 0;
-    Coord<Dim> local{};
-    for (int d = Dim; d-- > 0;) {
+    for (int d = 0; d < Dim; ++d)
       if (cell[d] < 0 || cell[d] >= lattice.extent[d]) return kNoLeaf;
-      const std::int32_t r = cell[d] / cell_extent_[0][d];
-      local[d] = cell[d] - r * cell_extent_[0][d];
-      root = root * root_extent_[d] + r;
-    }
-    const Root& r = roots_[root];
-    std::int64_t slot = 0;
-    for (int d = Dim; d-- > 0;) slot = slot * slots_per_axis_[r.depth][d] + local[d] / cell_extent_[r.depth][d];
-    return slots_[r.first_slot + slot];
+    return powers_of_two_ ? leaf_at<true>(cell) : leaf_at<false>(cell);
   }
   [[nodiscard]] const Coord<Dim>& root_extent() const { return root_extent_; }
 
@@ -86,9 +77,29 @@ class Spacetree {
     std::int64_t first_slot = 0;
     std::int32_t depth = 0;
   };
+  // The lookup, with shifts in place of divisions where every cell's sides are powers of two.
+  template <bool Shift>
+  [[nodiscard]] LeafId leaf_at(const Coord<Dim>& cell) const {
+    std::int64_t root = 0;
+    Coord<Dim> local{};
+    for (int d = Dim; d-- > 0;) {
+      const std::int32_t r = Shift ? cell[d] >> log2_extent_[0][d] : cell[d] / cell_extent_[0][d];
+      local[d] = cell[d] - r * cell_extent_[0][d];
+      root = root * root_extent_[d] + r;
+    }
+    const Root& r = roots_[root];
+    std::int64_t slot = 0;
+    for (int d = Dim; d-- > 0;)
+      slot = slot * slots_per_axis_[r.depth][d] +
+             (Shift ? local[d] >> log2_extent_[r.depth][d] : local[d] / cell_extent_[r.depth][d]);
+    return slots_[r.first_slot + slot];
+  }
+
   Coord<Dim> root_extent_{};
   std::vector<Coord<Dim>> cell_extent_;     // per level
+  std::vector<Coord<Dim>> log2_extent_;     // per level, of cell_extent_, rounded down
   std::vector<Coord<Dim>> slots_per_axis_;  // per level
+  bool powers_of_two_ = false;
   std::vector<Root> roots_;
   std::vector<LeafId> slots_;
 };
