@@ -2,8 +2,7 @@
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
-install(DIRECTORY src/treemarch DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h"
-        PATTERN itk_support.h EXCLUDE)
+install(DIRECTORY src/treemarch DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h")
 install(TARGETS treemarch EXPORT treemarchTargets)
 install(TARGETS treemarch_io EXPORT treemarchIoTargets)
 if(TREEMARCH_BUILD_APPS)

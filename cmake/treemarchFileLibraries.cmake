@@ -2,7 +2,7 @@
 # Debian's GDCM package names tools of packages that need not be there, and says so at length: only errors are shown.
 set(treemarch_log_level "${CMAKE_MESSAGE_LOG_LEVEL}")
 set(CMAKE_MESSAGE_LOG_LEVEL ERROR)
-find_package(ITK 5.2 REQUIRED COMPONENTS ITKCommon ITKIOImageBase ITKIONRRD ITKIOMeta ITKIOGDCM ITKGDCM)
+find_package(ITK 5.2 REQUIRED COMPONENTS ITKCommon ITKIOImageBase ITKIOGDCM ITKGDCM)
 set(CMAKE_MESSAGE_LOG_LEVEL "${treemarch_log_level}")
 find_package(PNG REQUIRED)
 find_package(TIFF REQUIRED)

@@ -35,6 +35,11 @@ void RawImage::allocate(const std::string& path) {
   }
 }
 
+void swap_bytes(std::byte* data, std::size_t samples, std::size_t bytes_per_sample) {
+  if (bytes_per_sample == 1) return;
+  for (std::size_t i = 0; i < samples; ++i, data += bytes_per_sample) std::reverse(data, data + bytes_per_sample);
+}
+
 void check_size(const std::string& path, std::span<const std::int64_t> extent, std::size_t bytes_per_sample,
                 std::int64_t stored_bytes, double compression) {
   std::string sizes;
@@ -50,7 +55,7 @@ void check_size(const std::string& path, std::span<const std::int64_t> extent, s
   if (total > 9e15)
     throw Error(ErrorKind::input,
                 path + ": its header claims a size of " + sizes + ", which cannot be; the file is damaged");
-  if (stored_bytes >= 0 && total > compression * (static_cast<double>(stored_bytes) + 64))
+  if (stored_bytes >= 0 && total > compression * static_cast<double>(stored_bytes))
     throw Error(ErrorKind::input, path + ": its header claims " + sizes + " samples of " +
                                       std::to_string(bytes_per_sample) + " bytes, but the data are only " +
                                       std::to_string(stored_bytes) +

@@ -71,6 +71,9 @@ struct RawImage {
   }
 };
 
+/// Reverses the bytes of each sample.
+void swap_bytes(std::byte* data, std::size_t samples, std::size_t bytes_per_sample);
+
 /// Checks what a header claims before anything is allocated for it.
 /// \param extent the sizes of the image's axes (up to 3), then of those beyond
 /// \param stored_bytes size of the file that holds the samples, or negative where it is not known

@@ -1,17 +1,15 @@
 #include "treemarch/image/read_dicom.h"
 
-#include <gdcmTrace.h>
-#include <itkGDCMImageIO.h>
-#include <itkMetaDataObject.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
 #include <map>
 
 #include "treemarch/core/error.h"
-#include "treemarch/image/itk_support.h"
+#include "treemarch/image/dicom_elements.h"
+#include "treemarch/image/read_dicom_compressed.h"
 
 namespace treemarch {
 namespace {
@@ -19,6 +17,10 @@ namespace {
 using Vector = std::array<double, 3>;
 
 double dot(const Vector& a, const Vector& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+Vector cross(const Vector& a, const Vector& b) {
+  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
 
 std::string millimetre_text(double v) {
   std::array<char, 32> text{};
@@ -30,52 +32,127 @@ std::string millimetre_text(double v) {
   throw Error(ErrorKind::input, path + ": " + what);
 }
 
+enum Tag : std::uint32_t {
+  kSopClass = 0x00080016,
+  kSliceThickness = 0x00180050,
+  kSeries = 0x0020000e,
+  kPosition = 0x00200032,
+  kOrientation = 0x00200037,
+  kSamplesPerPixel = 0x00280002,
+  kPhotometric = 0x00280004,
+  kFrames = 0x00280008,
+  kRows = 0x00280010,
+  kColumns = 0x00280011,
+  kPixelSpacing = 0x00280030,
+  kBitsAllocated = 0x00280100,
+  kBitsStored = 0x00280101,
+  kHighBit = 0x00280102,
+  kSigned = 0x00280103,
+  kIntercept = 0x00281052,
+  kSlope = 0x00281053,
+  kPixelData = 0x7fe00010,
+};
+
 struct Slice {
   std::string path;
   std::string series;
-  Vector position{};
   RawImage image;
   double along = 0;  ///< position along the normal of the first slice
 };
 
-std::string text_of(const itk::GDCMImageIO& io, const std::string& tag) {
-  std::string value;
-  itk::ExposeMetaData(io.GetMetaDataDictionary(), tag, value);
-  while (!value.empty() && (value.back() == ' ' || value.back() == '\0')) value.pop_back();
-  return value;
+/// Refuses what is no plain slice of labels or grey values.
+void check_kind(const std::string& path, const DicomElements& dicom) {
+  if (dicom.text(kSopClass) == "1.2.840.10008.5.1.4.1.1.66.4")
+    fail(path, "is a DICOM segmentation object, which is not read; convert it to NIfTI or NRRD");
+  if (const std::string frames = dicom.text(kFrames); !frames.empty() && frames != "1")
+    fail(path, "has several frames in one DICOM file, which is not read; convert it to NIfTI or NRRD");
+  const std::string photometric = dicom.text(kPhotometric);
+  if (photometric.starts_with("PALETTE"))
+    fail(path, "is a palette picture, whose colours need not be labels; convert it to grey values");
+  if (dicom.number(kSamplesPerPixel).value_or(1) != 1 || !photometric.starts_with("MONOCHROME"))
+    fail(path, "is a colour (RGB) picture; give an image with one label or grey value a pixel");
 }
 
-/// Reads one file; its axis[2] becomes the normal times the thickness that the file gives.
+void set_geometry(const DicomElements& dicom, RawImage& image) {
+  image.space = "LPS";
+  const std::vector<double> position = dicom.decimals(kPosition), orientation = dicom.decimals(kOrientation);
+  const std::vector<double> spacing = dicom.decimals(kPixelSpacing), thickness = dicom.decimals(kSliceThickness);
+  if (position.size() == 3) std::copy(position.begin(), position.end(), image.origin.begin());
+  if (orientation.size() == 6)
+    for (std::size_t r = 0; r < 3; ++r) {
+      image.axis[0][r] = orientation[r];
+      image.axis[1][r] = orientation[r + 3];
+    }
+  image.axis[2] = cross(image.axis[0], image.axis[1]);
+  image.has_spacing = spacing.size() == 2;
+  for (std::size_t r = 0; r < 3; ++r) {
+    // The first number is the distance between rows, thus along the second axis.
+    if (spacing.size() == 2) {
+      image.axis[0][r] *= spacing[1];
+      image.axis[1][r] *= spacing[0];
+    }
+    if (thickness.size() == 1 && thickness[0] > 0) image.axis[2][r] *= thickness[0];
+  }
+}
+
+/// Sets the bits above those that are stored to what the value needs; they may hold anything.
+template <class T>
+void clean_high_bits(unsigned stored, std::byte* data, std::size_t count) {
+  const unsigned unused = 8 * sizeof(T) - stored;
+  for (std::size_t i = 0; i < count; ++i) {
+    std::make_unsigned_t<T> bits;
+    std::memcpy(&bits, data + i * sizeof(T), sizeof(T));
+    bits = static_cast<std::make_unsigned_t<T>>(bits << unused);
+    const auto value = static_cast<T>(static_cast<T>(bits) >> unused);  // arithmetic for signed types
+    std::memcpy(data + i * sizeof(T), &value, sizeof(T));
+  }
+}
+
+/// Samples that stand in the file as they are.
+void read_plain_samples(const std::string& path, const DicomElements& dicom, RawImage& image) {
+  const unsigned bits = dicom.number(kBitsAllocated).value_or(0), stored = dicom.number(kBitsStored).value_or(bits);
+  const bool is_signed = dicom.number(kSigned).value_or(0) == 1;
+  if ((bits != 8 && bits != 16 && bits != 32) || stored < 1 || stored > bits ||
+      dicom.number(kHighBit).value_or(stored - 1) != stored - 1)
+    fail(path, "has " + std::to_string(stored) + " of " + std::to_string(bits) +
+                   " bits a sample in a way that is not read; convert it to NIfTI or NRRD");
+  image.type = bits == 8    ? is_signed ? SampleType::i8 : SampleType::u8
+               : bits == 16 ? is_signed ? SampleType::i16 : SampleType::u16
+               : is_signed  ? SampleType::i32
+                            : SampleType::u32;
+  const DicomElements::Element& pixels = *dicom.find(kPixelData);
+  const std::size_t sample = bits / 8;
+  check_size(path, std::span(image.extent).first(2), sample, static_cast<std::int64_t>(pixels.length), 1);
+  const auto count = static_cast<std::size_t>(image.voxels());
+  if (count * sample > pixels.length) fail(path, "its pixel data are cut short; get a complete copy");
+  image.allocate(path);
+  std::memcpy(image.data.get(), dicom.bytes.data() + pixels.offset, count * sample);
+  if (dicom.big_endian) swap_bytes(image.data.get(), count, sample);
+  if (stored < bits)
+    image.visit(0, 1, [&]<class T>(std::span<const T>) {
+      if constexpr (std::is_integral_v<T>) clean_high_bits<T>(stored, image.data.get(), count);
+    });
+  if (const std::vector<double> slope = dicom.decimals(kSlope), intercept = dicom.decimals(kIntercept);
+      slope.size() == 1 && intercept.size() == 1) {
+    image.slope = slope[0];
+    image.intercept = intercept[0];
+  }
+}
+
 Slice read_slice(const std::string& path) {
+  const DicomElements dicom = read_dicom_elements(path);
+  check_kind(path, dicom);
   Slice slice;
   slice.path = path;
-  guard_itk(path, [&] {
-    gdcm::Trace::DebugOff();
-    gdcm::Trace::WarningOff();
-    gdcm::Trace::ErrorOff();
-    const auto io = itk::GDCMImageIO::New();
-    io->SetFileName(path);
-    io->ReadImageInformation();
-    if (text_of(*io, "0008|0016") == "1.2.840.10008.5.1.4.1.1.66.4")
-      fail(path, "is a DICOM segmentation object, which is not read; convert it to NIfTI or NRRD");
-    slice.series = text_of(*io, "0020|000e");
-    RawImage& image = slice.image;
-    image.type = itk_sample_type(path, *io);
-    image.space = "LPS";
-    std::vector<std::int64_t> sizes;
-    for (unsigned c = 0; c < std::min(io->GetNumberOfDimensions(), 3U); ++c) {
-      image.extent[c] = static_cast<std::int64_t>(io->GetDimensions(c));
-      sizes.push_back(image.extent[c]);
-      image.origin[c] = io->GetOrigin(c);
-      const std::vector<double> direction = io->GetDirection(c);
-      for (unsigned r = 0; r < 3 && r < direction.size(); ++r) image.axis[c][r] = direction[r] * io->GetSpacing(c);
-    }
-    slice.position = image.origin;
-    // Compressed transfer syntaxes may shrink further than deflate does.
-    check_size(path, sizes, sample_bytes(image.type), static_cast<std::int64_t>(std::filesystem::file_size(path)), 1e5);
-    image.allocate(path);
-    read_itk_samples(*io, image.data.get());
-  });
+  slice.series = dicom.text(kSeries);
+  RawImage& image = slice.image;
+  image.extent = {dicom.number(kColumns).value_or(0), dicom.number(kRows).value_or(0), 1};
+  check_size(path, std::span(image.extent).first(2), 1, -1, 1);
+  set_geometry(dicom, image);
+  if (dicom.compressed)
+    read_dicom_compressed(path, image);
+  else
+    read_plain_samples(path, dicom, image);
   return slice;
 }
 
@@ -101,8 +178,8 @@ Vector sort_slices(const std::string& path, std::vector<Slice>& slices) {
   const RawImage& first = slices[0].image;
   const Vector& x = first.axis[0];
   const Vector& y = first.axis[1];
-  const Vector cross{x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]};
-  const double length = std::sqrt(dot(cross, cross));
+  const Vector normal = cross(x, y);
+  const double length = std::sqrt(dot(normal, normal));
   if (!(length > 0)) fail(slices[0].path, "its image orientation or pixel spacing cannot be; repair the file");
   for (Slice& s : slices) {
     for (std::size_t c = 0; c < 2; ++c)
@@ -110,7 +187,7 @@ Vector sort_slices(const std::string& path, std::vector<Slice>& slices) {
         if (!(std::abs(s.image.axis[c][r] - first.axis[c][r]) <= 1e-3 * std::sqrt(length)))
           fail(s.path, "has another orientation or pixel spacing than " + slices[0].path +
                            "; put slices of one kind into a folder of their own");
-    s.along = dot(s.position, cross) / length;
+    s.along = dot(s.image.origin, normal) / length;
   }
   std::sort(slices.begin(), slices.end(),
             [](const Slice& a, const Slice& b) { return a.along != b.along ? a.along < b.along : a.path < b.path; });
@@ -130,7 +207,7 @@ Vector sort_slices(const std::string& path, std::vector<Slice>& slices) {
   }
   Vector step{};
   for (std::size_t r = 0; r < 3; ++r)
-    step[r] = (slices.back().position[r] - slices.front().position[r]) / static_cast<double>(gaps.size());
+    step[r] = (slices.back().image.origin[r] - slices.front().image.origin[r]) / static_cast<double>(gaps.size());
   return step;
 }
 
@@ -169,7 +246,6 @@ RawImage read_dicom(const std::string& path, const Execution& execution) {
   std::vector<RawImage> images;
   std::vector<std::string> paths;
   for (Slice& s : slices) {
-    if (s.image.extent[2] != 1) fail(s.path, "has several frames beside other files; give this file alone");
     images.push_back(std::move(s.image));
     paths.push_back(s.path);
   }

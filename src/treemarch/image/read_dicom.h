@@ -1,5 +1,6 @@
 /// \file
-/// DICOM series through ITK and GDCM.
+/// DICOM series. Plain samples are read here, compressed ones through ITK and GDCM: Debian's GDCM is built with
+/// assertions and ends the program on damaged files.
 #pragma once
 
 #include <string>

@@ -73,9 +73,9 @@ RawImage read_file(const std::string& path, const Execution& execution) {
     case Format::nifti:
       return read_nifti(path, execution);
     case Format::nrrd:
-      return read_nrrd(path);
+      return read_nrrd(path, execution);
     case Format::metaimage:
-      return read_metaimage(path);
+      return read_metaimage(path, execution);
     case Format::tiff:
       return read_tiff(path);
     case Format::png:
@@ -139,6 +139,19 @@ RawImage read_folder(const std::string& path, const Execution& execution) {
   return stack_slices(std::move(images), slices);
 }
 
+/// Runs `work`. Messages may quote what a damaged file holds: they stay on one line.
+template <class Work>
+auto with_plain_messages(Work&& work) {
+  try {
+    return work();
+  } catch (const Error& e) {
+    std::string text = e.what();
+    std::replace_if(
+        text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, '?');
+    throw Error(e.kind(), text);
+  }
+}
+
 RawImage read_raw(const std::string& path, const ReadOptions& options, const Execution& execution) {
   std::error_code failed;
   const auto status = std::filesystem::status(path, failed);
@@ -196,21 +209,25 @@ GreyImage<Dim> to_grey(const std::string& path, const RawImage& raw, std::int64_
 }  // namespace
 
 AnyImage read_label_image(const std::string& path, const ReadOptions& options, const Execution& execution) {
-  const RawImage raw = read_raw(path, options, execution);
-  if (options.space_time && raw.volumes > 1) {
-    if (raw.dim == 2) return to_labels<3>(path, raw, 0, raw.volumes, options, execution);
-    return to_labels<4>(path, raw, 0, raw.volumes, options, execution);
-  }
-  const std::int64_t volume = chosen_volume(path, raw, options);
-  if (raw.dim == 2) return to_labels<2>(path, raw, volume, 1, options, execution);
-  return to_labels<3>(path, raw, volume, 1, options, execution);
+  return with_plain_messages([&]() -> AnyImage {
+    const RawImage raw = read_raw(path, options, execution);
+    if (options.space_time && raw.volumes > 1) {
+      if (raw.dim == 2) return to_labels<3>(path, raw, 0, raw.volumes, options, execution);
+      return to_labels<4>(path, raw, 0, raw.volumes, options, execution);
+    }
+    const std::int64_t volume = chosen_volume(path, raw, options);
+    if (raw.dim == 2) return to_labels<2>(path, raw, volume, 1, options, execution);
+    return to_labels<3>(path, raw, volume, 1, options, execution);
+  });
 }
 
 AnyGreyImage read_grey_image(const std::string& path, const ReadOptions& options, const Execution& execution) {
-  const RawImage raw = read_raw(path, options, execution);
-  const std::int64_t volume = chosen_volume(path, raw, options);
-  if (raw.dim == 2) return to_grey<2>(path, raw, volume, execution);
-  return to_grey<3>(path, raw, volume, execution);
+  return with_plain_messages([&]() -> AnyGreyImage {
+    const RawImage raw = read_raw(path, options, execution);
+    const std::int64_t volume = chosen_volume(path, raw, options);
+    if (raw.dim == 2) return to_grey<2>(path, raw, volume, execution);
+    return to_grey<3>(path, raw, volume, execution);
+  });
 }
 
 }  // namespace treemarch

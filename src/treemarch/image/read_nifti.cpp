@@ -77,10 +77,12 @@ Header convert(const Raw& raw) {
 }
 
 Header read_header(const std::string& path) {
+  nifti_set_debug_level(0);  // the library prints otherwise
   std::array<char, sizeof(nifti_2_header)> buffer{};
   ZFile file(path);
   const std::size_t got = file.read(buffer.data(), buffer.size());
-  if (file.damaged() || got < sizeof(nifti_1_header))
+  if (file.damaged()) fail(path, "its compressed data are damaged; get a complete copy");
+  if (got < sizeof(nifti_1_header))
     fail(path, "is cut short within its header (" + std::to_string(got) + " bytes); get a complete copy");
   std::int32_t size = 0;
   std::memcpy(&size, buffer.data(), sizeof size);

@@ -1,15 +1,15 @@
 #include "treemarch/image/read_nrrd.h"
 
-#include <itkNrrdImageIO.h>
-
+#include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <filesystem>
+#include <fstream>
 #include <optional>
+#include <sstream>
 
 #include "treemarch/core/error.h"
-#include "treemarch/image/itk_support.h"
 #include "treemarch/image/nrrd_header.h"
+#include "treemarch/image/sample_source.h"
 
 namespace treemarch {
 namespace {
@@ -34,7 +34,7 @@ AxisRoles axis_roles(const std::string& path, const NrrdGeometry& geometry) {
       roles.space.push_back(a);
     } else if (axes[a].size > 1) {
       const bool last = a + 1 == axes.size();
-      if (roles.volumes || !(kind == "list" || (last && (place || kind == "time"))))
+      if (roles.volumes || !((kind == "list" && (last || a == 0)) || (last && (place || kind == "time"))))
         fail(path, "has " + std::to_string(axes[a].size) + " values a voxel (axis " + std::to_string(a + 1) +
                        (kind.empty() ? "" : " of kind " + kind) +
                        "); give an image with one label or grey value a voxel");
@@ -74,77 +74,115 @@ void set_geometry(const std::string& path, const NrrdGeometry& geometry, const A
   }
 }
 
-/// Size of the file that holds the samples, or -1 where they are spread over several.
-std::int64_t stored_bytes(const std::string& path, const NrrdHeader& header) {
-  std::string name = header.field("data file");
-  if (name.empty()) name = header.field("datafile");
-  std::error_code failed;
-  if (name.empty())
-    return static_cast<std::int64_t>(std::filesystem::file_size(path, failed)) -
-           static_cast<std::int64_t>(header.bytes);
-  if (name.starts_with("LIST") || name.find('%') != std::string::npos) return -1;
-  const std::filesystem::path data = std::filesystem::path(path).parent_path() / name;  // `name` if that is absolute
-  const auto bytes = std::filesystem::file_size(data, failed);
-  if (failed) fail(path, "its data file " + data.string() + " is missing; put it beside the header");
-  return static_cast<std::int64_t>(bytes);
+SampleType sample_type(const std::string& path, const std::string& type) {
+  using Names = std::initializer_list<const char*>;
+  const auto one_of = [&](Names names) { return std::find(names.begin(), names.end(), type) != names.end(); };
+  if (one_of({"uchar", "unsigned char", "uint8", "uint8_t"})) return SampleType::u8;
+  if (one_of({"signed char", "int8", "int8_t", "char"})) return SampleType::i8;
+  if (one_of({"ushort", "unsigned short", "unsigned short int", "uint16", "uint16_t"})) return SampleType::u16;
+  if (one_of({"short", "short int", "signed short", "signed short int", "int16", "int16_t"})) return SampleType::i16;
+  if (one_of({"uint", "unsigned int", "uint32", "uint32_t"})) return SampleType::u32;
+  if (one_of({"int", "signed int", "int32", "int32_t"})) return SampleType::i32;
+  if (one_of({"ulonglong", "unsigned long long", "unsigned long long int", "uint64", "uint64_t"}))
+    return SampleType::u64;
+  if (one_of(
+          {"longlong", "long long", "long long int", "signed long long", "signed long long int", "int64", "int64_t"}))
+    return SampleType::i64;
+  if (type == "float") return SampleType::f32;
+  if (type == "double") return SampleType::f64;
+  fail(path, "has samples of type '" + type + "'; convert it to an integer type or to float");
 }
 
-double largest_compression(const NrrdHeader& header, std::size_t sample) {
+/// The data files of a detached header: a name, a list that follows the header, or a pattern with a range.
+std::vector<std::string> data_files(const std::string& path, const std::string& field) {
+  std::vector<std::string> files;
+  if (field.starts_with("LIST")) {
+    std::ifstream in(path, std::ios::binary);
+    std::string line;
+    for (bool listed = false; std::getline(in, line);) {
+      while (!line.empty() && (line.back() == '\r' || line.back() == ' ')) line.pop_back();
+      if (listed && !line.empty()) files.push_back(beside(path, line));
+      listed = listed || line.find(field) != std::string::npos;
+    }
+    return files;
+  }
+  if (field.find('%') == std::string::npos) return {beside(path, field)};
+  std::istringstream in(field);
+  std::string pattern;
+  std::int64_t first = 0, last = -1, step = 1;
+  in >> pattern >> first >> last >> step;
+  return files_of_pattern(path, pattern, first, last, step);
+}
+
+std::int64_t whole_number(const std::string& path, const NrrdHeader& header, const std::string& name,
+                          const std::string& other_name) {
+  const std::string& text = header.field(name).empty() ? header.field(other_name) : header.field(name);
+  if (text.empty()) return 0;
+  std::int64_t value = 0;
+  std::istringstream in(text);
+  if (!(in >> value) || std::abs(value) > (std::int64_t{1} << 50))
+    fail(path, "its field '" + name + "' is not a number; repair the header");
+  return value;
+}
+
+SampleSource sample_source(const std::string& path, const NrrdHeader& header, SampleType type) {
+  SampleSource source;
   const std::string& encoding = header.field("encoding");
-  if (encoding == "raw") return 1;
-  if (encoding == "ascii" || encoding == "text" || encoding == "txt") return static_cast<double>(sample);
-  return kDeflateRatio;
+  if (encoding == "raw")
+    source.encoding = SampleEncoding::raw;
+  else if (encoding == "gzip" || encoding == "gz")
+    source.encoding = SampleEncoding::deflate;
+  else if (encoding == "ascii" || encoding == "text" || encoding == "txt")
+    source.encoding = SampleEncoding::text;
+  else
+    fail(path, "has the encoding '" + encoding + "', which is not read; convert it to raw or gzip");
+  const std::string& endian = header.field("endian");
+  source.big_endian = endian == "big";
+  if (source.encoding != SampleEncoding::text && sample_bytes(type) > 1 && endian != "big" && endian != "little")
+    fail(path, "does not say its byte order; add 'endian: little' or 'endian: big' to its header");
+
+  const std::string& field = header.field("data file").empty() ? header.field("datafile") : header.field("data file");
+  source.skip_lines = whole_number(path, header, "line skip", "lineskip");
+  source.skip_bytes = whole_number(path, header, "byte skip", "byteskip");
+  if (source.encoding == SampleEncoding::deflate && source.skip_bytes != 0)
+    fail(path, "skips bytes of compressed data, which is not read; convert it");
+  if (field.empty()) {
+    if (source.skip_lines != 0 || source.skip_bytes != 0)
+      fail(path, "skips data after its own header, which is not read; convert it");
+    source.files = {path};
+    source.skip_bytes = static_cast<std::int64_t>(header.bytes);
+  } else {
+    source.files = data_files(path, field);
+  }
+  return source;
 }
 
 /// Turns volumes that alternate from sample to sample into volumes one after the other.
-void deinterleave(const std::vector<std::byte>& in, std::size_t sample, RawImage& image) {
-  const auto voxels = static_cast<std::size_t>(image.voxels());
-  const auto volumes = static_cast<std::size_t>(image.volumes);
+RawImage deinterleaved(RawImage image, const std::string& path) {
+  const std::unique_ptr<std::byte[]> in = std::move(image.data);
+  image.allocate(path);
+  const std::size_t sample = sample_bytes(image.type);
+  const auto voxels = static_cast<std::size_t>(image.voxels()), volumes = static_cast<std::size_t>(image.volumes);
   for (std::size_t v = 0; v < volumes; ++v)
     for (std::size_t i = 0; i < voxels; ++i)
-      std::memcpy(image.data.get() + (v * voxels + i) * sample, in.data() + (i * volumes + v) * sample, sample);
+      std::memcpy(&image.data[(v * voxels + i) * sample], &in[(i * volumes + v) * sample], sample);
+  return image;
 }
 
 }  // namespace
 
-RawImage read_nrrd(const std::string& path) {
+RawImage read_nrrd(const std::string& path, const Execution& execution) {
   const NrrdHeader header = read_nrrd_header(path);
   const NrrdGeometry geometry = nrrd_geometry(path, header);
   const AxisRoles roles = axis_roles(path, geometry);
   std::vector<std::int64_t> sizes;
   for (const NrrdAxis& axis : geometry.axes) sizes.push_back(axis.size);
-  const std::int64_t bytes_there = stored_bytes(path, header);
-  check_size(path, sizes, 1, bytes_there, largest_compression(header, 1));  // before ITK allocates anything
-
   RawImage image;
   set_geometry(path, geometry, roles, image);
   image.names = nrrd_segment_names(header);
-  guard_itk(path, [&] {
-    const auto io = itk::NrrdImageIO::New();
-    io->SetFileName(path);
-    io->ReadImageInformation();
-    const bool layers = roles.volumes && io->GetNumberOfComponents() == static_cast<unsigned>(image.volumes);
-    if (layers) {
-      io->SetNumberOfComponents(1);
-      io->SetPixelType(itk::IOPixelEnum::SCALAR);
-    }
-    image.type = itk_sample_type(path, *io);
-    const std::size_t sample = sample_bytes(image.type);
-    check_size(path, sizes, sample, bytes_there, largest_compression(header, sample));
-    std::size_t samples = layers ? static_cast<std::size_t>(image.volumes) : 1;
-    for (unsigned d = 0; d < io->GetNumberOfDimensions(); ++d) samples *= io->GetDimensions(d);
-    if (samples != static_cast<std::size_t>(image.voxels() * image.volumes))
-      fail(path, "its axes cannot be told apart; give their kinds in the header");
-    image.allocate(path);
-    if (!layers) {
-      read_itk_samples(*io, image.data.get());
-      return;
-    }
-    io->SetNumberOfComponents(static_cast<unsigned>(image.volumes));
-    std::vector<std::byte> interleaved(samples * sample);
-    read_itk_samples(*io, interleaved.data());
-    deinterleave(interleaved, sample, image);
-  });
+  image.type = sample_type(path, header.field("type"));
+  read_samples(path, sample_source(path, header, image.type), sizes, image, execution);
+  if (roles.volumes && *roles.volumes < roles.space.front()) image = deinterleaved(std::move(image), path);
   return image;
 }
 

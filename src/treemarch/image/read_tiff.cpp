@@ -99,7 +99,7 @@ Page read_page_header(const std::string& path, const TiffFile& tiff) {
   if (photometric == PHOTOMETRIC_PALETTE)
     fail(path, "is a palette picture, whose colours need not be labels; convert it to grey values");
   if (photometric != PHOTOMETRIC_MINISBLACK && photometric != PHOTOMETRIC_MINISWHITE)
-    fail(path, "is a colour picture; give an image with one label or grey value a pixel");
+    fail(path, "is a colour (RGB) picture; give an image with one label or grey value a pixel");
   const std::uint32_t samples = tiff.tag(TIFFTAG_SAMPLESPERPIXEL, 1);
   if (samples != 1)
     fail(path,
