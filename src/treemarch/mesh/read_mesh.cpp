@@ -41,18 +41,19 @@ class Materials {
     number_.assign(sorted_.size(), kOutside);
   }
   MaterialId of(std::int32_t label, std::vector<std::int32_t>& labels) {
-    const auto rank =
-        static_cast<std::size_t>(std::lower_bound(sorted_.begin(), sorted_.end(), label) - sorted_.begin());
-    if (number_[rank] == kOutside) {
-      number_[rank] = static_cast<MaterialId>(labels.size());
+    if (sorted_[last_] != label)
+      last_ = static_cast<std::size_t>(std::lower_bound(sorted_.begin(), sorted_.end(), label) - sorted_.begin());
+    if (number_[last_] == kOutside) {
+      number_[last_] = static_cast<MaterialId>(labels.size());
       labels.push_back(label);
     }
-    return number_[rank];
+    return number_[last_];
   }
 
  private:
   std::vector<std::int32_t> sorted_;
   std::vector<MaterialId> number_;
+  std::size_t last_ = 0;  // rank of the label asked for before
 };
 
 template <int Dim>
@@ -68,6 +69,11 @@ Mesh<Dim> assembled(const MeshInput& input) {
     CellBlock block;
     block.type = static_cast<CellType>(t);
     if (dimension(block.type) != Dim) continue;
+    std::size_t count = 0;
+    for (const MeshInput::Cells& cells : input.cells)
+      if (cells.type == block.type) count += cells.labels.size();
+    block.vertices.reserve(count * static_cast<std::size_t>(vertex_count(block.type)));
+    block.materials.reserve(count);
     for (const MeshInput::Cells& cells : input.cells) {
       if (cells.type != block.type) continue;
       for (const std::int64_t v : cells.vertices) {

@@ -91,18 +91,25 @@ class VtuReader {
     constexpr std::pair<std::int64_t, CellType> kTypes[] = {{3, CellType::line},        {5, CellType::triangle},
                                                             {9, CellType::quad},        {10, CellType::tetrahedron},
                                                             {12, CellType::hexahedron}, {14, CellType::pyramid}};
+    // Cells come in long runs of one type.
     std::int64_t begin = 0;
-    for (std::size_t c = 0; c < types.size(); begin = offsets[c++]) {
+    for (std::size_t first = 0, last = 0; first < types.size(); first = last) {
       const auto* type =
-          std::find_if(std::begin(kTypes), std::end(kTypes), [&](auto& t) { return t.first == types[c]; });
-      if (type == std::end(kTypes)) throw BadFile("has cells of VTK type " + std::to_string(types[c]));
-      if (offsets[c] - begin != vertex_count(type->second) ||
-          offsets[c] > static_cast<std::int64_t>(connectivity.size()))
-        throw BadFile("has offsets that do not fit its cells");
-      if (labels[c] != static_cast<std::int32_t>(labels[c])) throw BadFile("has a label beyond 32 bit");
-      MeshInput::Cells& cells = mesh.cells_of(type->second);
-      cells.vertices.insert(cells.vertices.end(), connectivity.begin() + begin, connectivity.begin() + offsets[c]);
-      cells.labels.push_back(static_cast<std::int32_t>(labels[c]));
+          std::find_if(std::begin(kTypes), std::end(kTypes), [&](auto& t) { return t.first == types[first]; });
+      if (type == std::end(kTypes)) throw BadFile("has cells of VTK type " + std::to_string(types[first]));
+      MeshInput::Cells& cells = mesh.cells.emplace_back();
+      cells.type = type->second;
+      std::int64_t end = begin;
+      for (; last < types.size() && types[last] == types[first]; ++last) {
+        end += vertex_count(cells.type);
+        if (offsets[last] != end || end > static_cast<std::int64_t>(connectivity.size()))
+          throw BadFile("has offsets that do not fit its cells");
+        if (labels[last] != static_cast<std::int32_t>(labels[last])) throw BadFile("has a label beyond 32 bit");
+      }
+      cells.vertices.assign(connectivity.begin() + begin, connectivity.begin() + end);
+      cells.labels.assign(labels.begin() + static_cast<std::int64_t>(first),
+                          labels.begin() + static_cast<std::int64_t>(last));
+      begin = end;
     }
   }
 
