@@ -20,12 +20,14 @@ constexpr double kQualityFloor = 18;
 /// The sizes of the options, completed by the defaults.
 template <int Dim>
 SizingRule sizing_rule(const LabelImage<Dim>& image, const MeshOptions& options, Execution& execution) {
-  SizingRule rule = options.min_size > 0 ? SizingRule{} : default_sizes(image, options.max_size, execution);
-  if (options.min_size > 0) rule.min_size = options.min_size;
-  rule.max_size = options.max_size > 0 ? options.max_size : kDefaultCoarsening * rule.min_size;
-  rule.material_size.assign(image.labels.size(), 0);
-  for (const auto& s : options.material_sizes) rule.material_size[s.material] = s.size;
-  for (const auto& s : options.interface_sizes) rule.interface_size.push_back({s.first, s.second, s.size});
+  const SizingRule& given = options.sizes;
+  SizingRule rule = given;
+  if (given.min_size == 0) {
+    const SizingRule defaults = default_sizes(image, given.max_size, execution);
+    rule.min_size = defaults.min_size;
+    rule.material_interface_size = defaults.material_interface_size;
+  }
+  if (given.max_size == 0) rule.max_size = kDefaultCoarsening * rule.min_size;
   return rule;
 }
 
