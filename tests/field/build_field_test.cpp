@@ -421,5 +421,54 @@ TEST(BuildField, SurfacesOfBallAndTorusAreWithinTheTable) {
   }
 }
 
+/// A slab of two materials in a background, and grey values that put its upper face at z = 12.3.
+struct GreySlab {
+  LabelImage<3> image = image_of<3>({24, 24, 24}, [](const Coord<3>& c) {
+    return c[2] < 6 || c[2] >= 12 ? 0 : c[0] < 12 ? 1 : 2;
+  });
+  GreyImage<3> grey;
+  explicit GreySlab(float foreground, float background) {
+    grey.extent = image.extent;
+    for (std::int64_t i = 0; i < product(image.extent); ++i) {
+      const double z = coord_of(i, image.extent)[2];
+      const double share = z < 6 ? 0.0 : std::clamp(12.3 - z, 0.0, 1.0);
+      grey.values.push_back(static_cast<float>(background + share * (foreground - background)));
+    }
+  }
+};
+
+TEST(BuildField, GreyValuesPlaceTheBorderOfTheForegroundOnly) {
+  Execution execution(2);
+  for (const bool bright : {true, false}) {
+    const GreySlab slab(bright ? 80 : 20, bright ? 20 : 80);
+    const auto field = build_grey_field(slab.image, slab.grey, 50, {}, execution);
+    const MaterialId left = slab.image.material({2, 12, 8});
+    const MaterialId right = slab.image.material({20, 12, 8});
+    for (const auto& [x, label] : {std::pair{4.0, left}, {12.9, right}, {20.0, right}}) {
+      const auto in_front = [&, m = label, u = x](double z) { return field.difference({u, 12.2, z}, m, 0) > 0; };
+      EXPECT_TRUE(in_front(12.2));
+      EXPECT_FALSE(in_front(12.4));
+      EXPECT_TRUE(in_front(6.1));
+      EXPECT_FALSE(in_front(5.9));
+    }
+    for (double z : {7.0, 9.0, 11.9}) EXPECT_NEAR(field.difference({12.0, 12.2, z}, left, right), 0, 1e-3);
+  }
+}
+
+TEST(BuildField, GreyValuesFarFromTheBorderOrMissingDoNotMatter) {
+  Execution execution(2);
+  GreySlab slab(80, 20);
+  const auto clean = build_grey_field(slab.image, slab.grey, 50, {}, execution);
+  GreySlab dirty = slab;
+  dirty.grey.values[linear_index(Coord<3>{4, 4, 20}, slab.image.extent)] = 70;
+  dirty.grey.values[linear_index(Coord<3>{4, 4, 9}, slab.image.extent)] = 30;
+  dirty.grey.values[linear_index(Coord<3>{18, 18, 12}, slab.image.extent)] = std::nanf("");
+  const auto field = build_grey_field(dirty.image, dirty.grey, 50, {}, execution);
+  for (const Vec<3>& x : {Vec<3>{4.5, 4.5, 20.5}, Vec<3>{4.5, 4.5, 9.5}, Vec<3>{18.5, 18.5, 12.5}})
+    EXPECT_EQ(weights_at(field, x).begin()->first, weights_at(clean, x).begin()->first);
+  EXPECT_EQ(field.voxel_label({18.5, 18.5, 12.5}), 0U);
+  for (const auto& [m, w] : weights_at(field, Vec<3>{18.5, 18.5, 12.5})) EXPECT_TRUE(std::isfinite(w));
+}
+
 }  // namespace
 }  // namespace treemarch
