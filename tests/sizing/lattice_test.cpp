@@ -134,6 +134,19 @@ TEST(ChooseLattice, AutomaticPatternIsNearIsotropicForThickSlices) {
   }
 }
 
+TEST(ChooseLattice, SmallestCellFollowsTheFinestRule) {
+  const auto image = blank<2>({64, 64}, {1, 1});
+  std::vector<SizingRule> rules(4);
+  for (auto& rule : rules) rule.min_size = 4;
+  rules[1].material_size = {0, 2};
+  rules[2].material_interface_size = {0, 2};
+  rules[3].interface_size = {{0, 1, 2}};
+  for (std::size_t i = 0; i < rules.size(); ++i) {
+    const auto sized = choose_lattice(image, {}, rules[i], Execution(1));
+    EXPECT_EQ(longest(sides(sized, sized.deepest_level)), i == 0 ? 4 : 2) << i;
+  }
+}
+
 TEST(ChooseLattice, SaysWhenASizeIsRounded) {
   Execution execution(1);
   std::vector<std::string> warnings;

@@ -36,6 +36,10 @@ double size_of(const LabelImage<3>& image, const SizingRule& rule, Coord<3> c) {
   const auto material_size = [&](MaterialId m) {
     return m < rule.material_size.size() && rule.material_size[m] > 0 ? rule.material_size[m] : rule.max_size;
   };
+  const auto interface_size = [&](MaterialId m) {
+    const auto& sizes = rule.material_interface_size;
+    return m < sizes.size() && sizes[m] > 0 ? sizes[m] : rule.min_size;
+  };
   const MaterialId own = image.material(c);
   double size = 1e9;
   for (int d = 0; d < 3; ++d)
@@ -44,7 +48,7 @@ double size_of(const LabelImage<3>& image, const SizingRule& rule, Coord<3> c) {
       n[d] += step;
       if (n[d] < 0 || n[d] >= image.extent[d] || image.material(n) == own) continue;
       const MaterialId other = image.material(n);
-      double s = std::min({rule.min_size, material_size(own), material_size(other)});
+      double s = std::min({interface_size(own), interface_size(other), material_size(own), material_size(other)});
       for (const auto& i : rule.interface_size)
         if ((i.first == own && i.second == other) || (i.second == own && i.first == other)) s = i.size;
       size = std::min(size, s);
@@ -55,10 +59,12 @@ double size_of(const LabelImage<3>& image, const SizingRule& rule, Coord<3> c) {
 TEST(RequiredLevels, FollowTheRuleVoxelByVoxel) {
   const auto image = blocks({40, 24, 36}, 5);
   const auto sized = sized_for(image, {"2", "2", "2", "2"}, image.extent);
-  std::vector<SizingRule> rules(3);
+  std::vector<SizingRule> rules(4);
   rules[0] = {.min_size = 1, .max_size = 16, .material_size = {}, .interface_size = {}};
   rules[1] = {.min_size = 3, .max_size = 16, .material_size = {0, 4, 1}, .interface_size = {}};
   rules[2] = {.min_size = 2, .max_size = 8, .material_size = {4}, .interface_size = {{1, 0, 8}, {2, 3, 1}}};
+  rules[3] = rules[1];
+  rules[3].material_interface_size = {8, 0, 1, 2};
   for (const SizingRule& rule : rules) {
     const Execution execution(2);
     const auto levels = required_levels(image, sized, rule, execution);

@@ -66,6 +66,7 @@ void check_sizes(const SizingRule& rule) {
   check(rule.max_size, "--max-size");
   check(rule.min_size, "--min-size");
   for (const double size : rule.material_size) check(size, "--size");
+  for (const double size : rule.material_interface_size) check(size, "--interface");
   for (const SizingRule::Interface& i : rule.interface_size) check(i.size, "--interface");
 }
 
@@ -73,8 +74,9 @@ void check_sizes(const SizingRule& rule) {
 template <int Dim>
 double smallest_size(const SizingRule& rule, const Vec<Dim>& spacing) {
   double size = rule.min_size > 0 ? rule.min_size : *std::min_element(spacing.begin(), spacing.end());
-  for (const double s : rule.material_size)
-    if (s > 0) size = std::min(size, s);
+  for (const auto* sizes : {&rule.material_size, &rule.material_interface_size})
+    for (const double s : *sizes)
+      if (s > 0) size = std::min(size, s);
   for (const SizingRule::Interface& i : rule.interface_size)
     if (i.size > 0) size = std::min(size, i.size);
   return size;
