@@ -16,7 +16,7 @@ struct PaperMarchOptions {
   /// Materials in the order in which they are separated from the rest; those not named follow by id.
   std::vector<MaterialId> order;
   /// A vertex whose cut is nearer than this fraction of the edge is moved onto the surface; 0 moves none, < 1/2.
-  double snap = 0.2;
+  double snap = 0.3;
   /// A vertex lies on the surface if f differs from 1/2 by no more than this.
   double tolerance = 1e-6;
   /// Whether the surface between two materials is separated in the turn of both, as in the paper, or of the first
