@@ -11,6 +11,7 @@
 #include "terminal.h"
 #include "treemarch/mesh/interfaces.h"
 #include "treemarch/mesh/output_file.h"
+#include "treemarch/mesh/picture.h"
 #include "treemarch/mesh/quality.h"
 #include "treemarch/mesh/write_mesh.h"
 #include "treemarch/pipeline/mesh_image.h"
@@ -37,6 +38,11 @@ void check_outputs(const MeshCommandOptions& options) {
   check_mesh_path(options.output, options.force);
   if (!options.interfaces.empty()) check_mesh_path(options.interfaces, options.force);
   if (!options.report.empty()) const OutputFile probe(options.report, options.force);
+  if (!options.picture.empty()) {
+    if (!options.picture.ends_with(".png"))
+      throw Error(ErrorKind::usage, options.picture + ": pictures are written as .png; choose that extension");
+    const OutputFile probe(options.picture, options.force);
+  }
   std::vector<std::string> names{options.output, options.interfaces, options.picture, options.report};
   std::erase(names, "");
   std::ranges::sort(names);
@@ -71,6 +77,12 @@ void write_all(const MeshCommandOptions& options, const LabelImage<Dim>& image, 
   if (!options.interfaces.empty()) {
     const auto facets = extract_interfaces(mesh, Hull::include, execution);
     write_interfaces(options.interfaces, mesh, facets, image.frame, write, execution);
+  }
+  if (!options.picture.empty()) {
+    PictureOptions picture;
+    picture.overwrite = options.force;
+    picture.background = options.prepare.background;
+    write_picture(options.picture, mesh, image.frame, picture, execution);
   }
 }
 

@@ -32,7 +32,11 @@ void add_mesh_options(CLI::App& mesh, MeshTextOptions& o) {
   mesh.add_option("--balance", o.balance, "Largest difference of level between neighbours, or none")
       ->capture_default_str();
   add_choice<FieldKind>(mesh, "--field", o.field,
-                        {{"solid-angle", FieldKind::solid_angle}, {"linear", FieldKind::linear}},
+                        {{"solid-angle", FieldKind::solid_angle},
+                         {"linear", FieldKind::linear},
+                         {"bspline3", FieldKind::bspline3},
+                         {"gauss", FieldKind::gauss},
+                         {"dgf", FieldKind::dgf}},
                         "Separating function; default by the method");
   mesh.add_option("--snap", o.snap, "Move vertices onto a surface nearer than this part of an edge, 0 to 0.5");
   mesh.add_option("--smooth", o.smooth, "Smoothing steps; default by the method")->check(CLI::NonNegativeNumber);

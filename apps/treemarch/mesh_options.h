@@ -15,7 +15,7 @@ namespace treemarch::app {
 
 /// MeshOptions before labels and units are resolved against an image.
 struct MeshTextOptions {
-  Method method = Method::paper;
+  Method method = Method::guaranteed;
   std::optional<std::string> min_size, max_size;
   std::vector<std::string> sizes;       ///< LABEL=S
   std::vector<std::string> interfaces;  ///< A:B=S

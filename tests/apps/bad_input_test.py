@@ -142,6 +142,12 @@ class BadOptions(ProgramTest):
                        ["--no-such-option"], ["surplus"], ["--config", self.path("none.toml")]):
             self.refuse(USAGE, *option)
 
+    def test_what_a_method_does_not_take(self):
+        for option in (["--pattern", "3"], ["--balance", "2"], ["--balance", "none"], ["--snap", "0.1"],
+                       ["--smooth", "3"], ["--weight", "1=2"]):
+            self.refuse(USAGE, "--method", "guaranteed", *option, says=option[0])
+        self.refuse(USAGE, "--method", "paper", "--field", "dgf", says="--field")
+
     def test_no_command(self):
         self.fail_with(USAGE)
         self.fail_with(USAGE, "knead")

@@ -44,12 +44,13 @@ class Meshes(ProgramTest):
         return read_vtu(self.path(name)) if name.endswith(".vtu") else None
 
     def test_fills_the_box(self):
-        points, cells, labels = self.mesh("--background", "keep")
-        self.assertTrue((volumes(points, cells) > 0).all())
-        self.assertAlmostEqual(volumes(points, cells).sum(), self.labels.size, places=6)
-        np.testing.assert_allclose(points.min(0), [-0.5] * 3, atol=1e-12)
-        np.testing.assert_allclose(points.max(0), np.array(self.labels.shape) - 0.5, atol=1e-12)
-        self.assertEqual(set(labels), {0, 1, 2})
+        for method in ("paper", "guaranteed"):
+            points, cells, labels = self.mesh("--background", "keep", "--method", method)
+            self.assertTrue((volumes(points, cells) > 0).all())
+            self.assertAlmostEqual(volumes(points, cells).sum(), self.labels.size, places=6)
+            np.testing.assert_allclose(points.min(0), [-0.5] * 3, atol=1e-12)
+            np.testing.assert_allclose(points.max(0), np.array(self.labels.shape) - 0.5, atol=1e-12)
+            self.assertEqual(set(labels), {0, 1, 2})
 
     def test_background_is_left_out(self):
         points, cells, labels = self.mesh()
@@ -125,20 +126,19 @@ class Meshes(ProgramTest):
         np.testing.assert_allclose(points.max(0), [8.5, 8.5, 7.5], atol=1e-12)
 
     def test_threshold(self):
-        grey = np.random.default_rng(1).normal(size=(9, 8, 7)).astype("float32")
-        grey[2:6, 2:6, 2:6] += 20
+        grey = np.random.default_rng(1).normal(size=(13, 14, 15)).astype("float32")
+        grey[2:10, 2:10, 2:10] += 20
         image = files.write_nrrd(self.path("g.nrrd"), grey)
         points, cells, _ = self.mesh("--threshold", "10", image=image)
-        self.assertLess(abs(volumes(points, cells).sum() / 64 - 1), 0.25)
+        self.assertLess(abs(volumes(points, cells).sum() / 512 - 1), 0.25)
 
     def test_sizes_matter(self):
-        fine = len(self.mesh("--background", "keep", "--max-size", "1vox")[1])
-        coarse = len(self.mesh("--background", "keep")[1])
-        coarser = len(self.mesh("--background", "keep", "--min-size", "2vox")[1])
-        self.assertLess(coarse, fine)
-        self.assertLess(coarser, coarse)
-        sized = len(self.mesh("--background", "keep", "--size", "0=1")[1])
-        self.assertGreater(sized, coarse)
+        for method in ("paper", "guaranteed"):
+            cells = lambda *options: len(self.mesh("--method", method, "--background", "keep", *options)[1])
+            coarse = cells("--min-size", "1vox")
+            self.assertLess(coarse, cells("--min-size", "1vox", "--max-size", "1vox"))
+            self.assertLess(cells("--min-size", "2vox"), coarse)
+            self.assertGreater(cells("--min-size", "1vox", "--size", "0=1"), coarse)
 
     def test_threads_do_not_matter(self):
         self.mesh("--threads", 1)
@@ -148,7 +148,7 @@ class Meshes(ProgramTest):
             self.assertEqual((self.dir / "m.vtu").read_bytes(), one)
 
     def test_config_repeats_a_run(self):
-        options = ["--min-size", "2vox", "--size", "1=3mm", "--size", "2=2mm", "--background", "keep", "--balance",
+        options = ["--method", "paper", "--min-size", "2vox", "--size", "1=3mm", "--size", "2=2mm", "--background", "keep", "--balance",
                    "none", "--field", "linear", "--keep", "1,2", "--smooth", "1"]
         self.mesh(*options)
         first = (self.dir / "m.vtu").read_bytes()

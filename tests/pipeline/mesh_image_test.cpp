@@ -7,6 +7,7 @@
 
 #include "support/images.h"
 #include "treemarch/core/error.h"
+#include "treemarch/mesh/quality.h"
 #include "treemarch/mesh/validate.h"
 #include "treemarch/report/fidelity.h"
 #include "treemarch/tree/spacetree.h"
@@ -33,7 +34,7 @@ void expect_fills_box(const LabelImage<Dim>& image, MeshOptions options) {
   EXPECT_EQ(mesh.labels, image.labels);
 }
 
-/// Every option of the paper's method that changes the shape of the mesh.
+/// Every option of both methods that changes the shape of the mesh.
 std::vector<MeshOptions> variations() {
   std::vector<MeshOptions> all;
   for (const FieldKind field : {FieldKind::solid_angle, FieldKind::linear}) {
@@ -48,6 +49,12 @@ std::vector<MeshOptions> variations() {
         all.push_back(options);
       }
     }
+  }
+  for (const FieldKind field : {FieldKind::solid_angle, FieldKind::linear, FieldKind::bspline3, FieldKind::dgf}) {
+    MeshOptions options;
+    options.method = Method::guaranteed;
+    options.field = field;
+    all.push_back(options);
   }
   return all;
 }
@@ -69,7 +76,7 @@ TEST(MeshImage, NoiseFillsTheBox) {
 
 TEST(MeshImage, BallsKeepTheirVolume) {
   for (const MeshOptions& options : variations()) {
-    const auto image = testing::ball_image<3>({26, 25, 24}, 0.35, 5);
+    const auto image = testing::ball_image<3>({26, 25, 24}, 0.4, 5);
     const Fidelity f = measure_fidelity(image, meshed(image, options), 0, Execution(2));
     for (const LabelFidelity& l : f.labels) {
       if (l.label == 0) continue;
@@ -105,19 +112,35 @@ void expect_same(const Mesh<Dim>& a, const Mesh<Dim>& b) {
 }
 
 TEST(MeshImage, ThreadsDoNotMatter) {
-  const auto image = testing::noise_image<3>({20, 18, 16}, 5, 3);
-  const Mesh<3> one = meshed(image, {}, 1);
-  expect_same(one, meshed(image, {}, 2));
-  expect_same(one, meshed(image, {}, 7));
+  const auto image = testing::noise_image<3>({14, 13, 12}, 5, 3);
+  for (const Method method : {Method::paper, Method::guaranteed}) {
+    const Mesh<3> one = meshed(image, {.method = method}, 1);
+    expect_same(one, meshed(image, {.method = method}, 2));
+    expect_same(one, meshed(image, {.method = method}, 7));
+  }
 }
 
 TEST(MeshImage, LabelValuesDoNotMatter) {
-  auto image = testing::noise_image<3>({12, 11, 10}, 4, 3);
-  MeshOptions options;
-  options.keep_background = true;
-  const Mesh<3> before = meshed(image, options);
-  std::ranges::reverse(image.labels);
-  expect_same(before, meshed(image, options));
+  for (const Method method : {Method::paper, Method::guaranteed}) {
+    auto image = testing::noise_image<3>({12, 11, 10}, 4, 3);
+    const MeshOptions options{.method = method, .keep_background = true};
+    const Mesh<3> before = meshed(image, options);
+    std::ranges::reverse(image.labels);
+    expect_same(before, meshed(image, options));
+  }
+}
+
+/// The bound that gives the default method its name, on the worst images that there are.
+TEST(MeshImage, AnglesOfTheDefaultAreBounded) {
+  for (unsigned seed = 0; seed < 6; ++seed) {
+    const auto image = testing::noise_image<3>({16, 8, 24}, 2 << (seed % 4), seed);
+    MeshOptions options;
+    options.sizes.min_size = 1;
+    options.keep_background = seed % 2 == 0;
+    const MeshQuality quality = measure_quality(meshed(image, options), image.frame, 0, Execution(2));
+    EXPECT_GE(quality.angles.min, 18 - 1e-6);
+    EXPECT_LE(quality.angles.max, 157.5 + 1e-6);
+  }
 }
 
 TEST(MeshImage, StopsWhenItIsAskedTo) {
@@ -137,7 +160,11 @@ TEST(MeshImage, RefusesOptionsThatContradict) {
   refuses([](MeshOptions& o) { o.sizes.min_size = -1; });
   refuses([](MeshOptions& o) { o.pattern = "1"; });
   refuses([](MeshOptions& o) { o.field = FieldKind::grey; });
-  refuses([](MeshOptions& o) { o.snap = 0.7; });
+  refuses([](MeshOptions& o) { o.method = Method::paper, o.snap = 0.7; });
+  refuses([](MeshOptions& o) { o.method = Method::paper, o.field = FieldKind::dgf; });
+  refuses([](MeshOptions& o) { o.balance = 2; });
+  refuses([](MeshOptions& o) { o.smooth = 2; });
+  refuses([](MeshOptions& o) { o.sizes.material_size = {0, -1}; });
 }
 
 }  // namespace

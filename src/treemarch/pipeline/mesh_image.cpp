@@ -1,16 +1,53 @@
 #include "treemarch/pipeline/mesh_image.h"
 
 #include <chrono>
+#include <cmath>
+#include <string>
 
+#include "treemarch/core/error.h"
 #include "treemarch/pipeline/drop_material.h"
 #include "treemarch/pipeline/methods.h"
 #include "treemarch/pipeline/prepare.h"
+#include "treemarch/sizing/lattice.h"
 
 namespace treemarch {
+
+namespace {
+
+void check_sizes(const SizingRule& sizes) {
+  const auto check = [](double size, const char* option) {
+    if (!(size >= 0) || !std::isfinite(size))
+      throw Error(ErrorKind::usage, std::string(option) + ": must be finite and not negative");
+  };
+  check(sizes.min_size, "--min-size");
+  check(sizes.max_size, "--max-size");
+  for (const double s : sizes.material_size) check(s, "--size");
+  for (const auto& i : sizes.interface_size) check(i.size, "--interface");
+  if (sizes.max_size > 0 && sizes.min_size > sizes.max_size)
+    throw Error(ErrorKind::usage, "--min-size: is above --max-size; give a smaller one");
+}
+
+/// The bound on the angles holds for one kind of tree only.
+void check_guaranteed(const MeshOptions& options) {
+  const auto refuse = [](const std::string& what) {
+    throw Error(ErrorKind::usage, what + " with --method guaranteed; leave it out or choose --method paper");
+  };
+  if (options.pattern != "auto" && options.pattern != "2") refuse("--pattern: must be 2");
+  if (options.balance != 1) refuse("--balance: must be 1");
+  if (options.snap) refuse("--snap: cannot be chosen");
+  if (options.smooth) refuse("--smooth: is not done");
+  if (!options.weights.empty()) refuse("--weight: has no meaning");
+}
+
+}  // namespace
 
 template <int Dim>
 MeshResult<Dim> mesh_image(const LabelImage<Dim>& image, const MeshOptions& options, Execution& execution) {
   const auto start = std::chrono::steady_clock::now();
+  check_sizes(options.sizes);
+  (void)parse_pattern<Dim>(options.pattern);
+  if (options.method == Method::guaranteed) check_guaranteed(options);
+
   MeshResult<Dim> result;
   result.mesh = options.method == Method::paper ? mesh_by_paper(image, options, execution)
                                                 : mesh_with_guarantee(image, options, execution);

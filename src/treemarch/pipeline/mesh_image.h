@@ -23,7 +23,7 @@ enum class Method {
 
 /// What a mesh should be like.
 struct MeshOptions {
-  Method method = Method::paper;
+  Method method = Method::guaranteed;
   SizingRule sizes;
   std::vector<double> weights;     ///< by material, for the majority in cells larger than a voxel; empty: all 1
   std::string pattern = "auto";    ///< refinement pattern, as parse_pattern() reads it
