@@ -13,13 +13,40 @@ constexpr std::int64_t kGrain = 4096;
 
 template <int Dim, class F>
 void for_separated_pairs(const std::array<VertexId, Dim + 1>& simplex, const VertexLabels& labels, F&& f) {
-  bool uniform = true;
-  for (int i = 1; i <= Dim; ++i) uniform &= labels.same_single(simplex[0], simplex[i]);
-  if (uniform) return;
   for (int i = 0; i < Dim; ++i)
     for (int j = i + 1; j <= Dim; ++j)
       if (labels.disjoint(simplex[i], simplex[j]))
         f(std::min(simplex[i], simplex[j]), std::max(simplex[i], simplex[j]));
+}
+
+/// Lists the simplices with a separated edge and marks the vertices of those with one label.
+template <int Dim>
+void find_mixed(const SimplexLattice<Dim>& lattice, const VertexLabels& labels, EdgeTable& table,
+                Execution& execution) {
+  constexpr std::int64_t kBlock = 1 << 15;
+  const auto n = static_cast<std::int64_t>(lattice.simplices.size());
+  if (n >= static_cast<std::int64_t>(kNoEdge))
+    throw Error(ErrorKind::limits, "--min-size: more than 2^32 lattice simplices; choose larger cells");
+  table.supported.assign(lattice.vertices.size(), 0);
+  std::vector<std::vector<std::uint32_t>> found(block_count(n, kBlock));
+  parallel_for(execution, static_cast<std::int64_t>(found.size()), 1, [&](std::int64_t block) {
+    for (std::int64_t i = block * kBlock; i < std::min(n, (block + 1) * kBlock); ++i) {
+      const auto& simplex = lattice.simplices[i];
+      bool uniform = true;
+      for (int k = 1; k <= Dim; ++k) uniform &= labels.same_single(simplex[0], simplex[k]);
+      if (uniform) {
+        for (const VertexId v : simplex) {
+          std::atomic_ref<std::uint8_t> mark(table.supported[v]);
+          if (!mark.load(std::memory_order_relaxed)) mark.store(1, std::memory_order_relaxed);
+        }
+        continue;
+      }
+      bool any = false;
+      for_separated_pairs<Dim>(simplex, labels, [&](VertexId, VertexId) { any = true; });
+      if (any) found[block].push_back(static_cast<std::uint32_t>(i));
+    }
+  });
+  for (const auto& block : found) table.mixed.insert(table.mixed.end(), block.begin(), block.end());
 }
 
 EdgeId scan_counts(std::vector<EdgeId>& counts) {
@@ -48,22 +75,23 @@ void index_upward(EdgeTable& table, std::size_t vertices) {
 template <int Dim>
 EdgeTable separated_edges(const SimplexLattice<Dim>& lattice, const VertexLabels& labels, Execution& execution) {
   const auto vertices = static_cast<std::int64_t>(lattice.vertices.size());
-  const auto simplices = static_cast<std::int64_t>(lattice.simplices.size());
+  EdgeTable table;
+  find_mixed(lattice, labels, table, execution);
+  const auto simplices = static_cast<std::int64_t>(table.mixed.size());
   // Every edge is met once a simplex that has it: collect all by their lower vertex, then drop the repeats.
   std::vector<EdgeId> start(vertices + 1, 0);
   parallel_for(execution, simplices, kGrain, [&](std::int64_t i) {
-    for_separated_pairs<Dim>(lattice.simplices[i], labels, [&](VertexId u, VertexId) {
+    for_separated_pairs<Dim>(lattice.simplices[table.mixed[i]], labels, [&](VertexId u, VertexId) {
       std::atomic_ref<EdgeId>(start[u]).fetch_add(1, std::memory_order_relaxed);
     });
   });
   std::vector<VertexId> met(scan_counts(start));
   std::vector<EdgeId> cursor(start);
   parallel_for(execution, simplices, kGrain, [&](std::int64_t i) {
-    for_separated_pairs<Dim>(lattice.simplices[i], labels, [&](VertexId u, VertexId v) {
+    for_separated_pairs<Dim>(lattice.simplices[table.mixed[i]], labels, [&](VertexId u, VertexId v) {
       met[std::atomic_ref<EdgeId>(cursor[u]).fetch_add(1, std::memory_order_relaxed)] = v;
     });
   });
-  EdgeTable table;
   table.first.assign(vertices + 1, 0);
   parallel_for(execution, vertices, kGrain, [&](std::int64_t v) {
     const auto begin = met.begin() + start[v], end = met.begin() + start[v + 1];

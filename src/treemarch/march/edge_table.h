@@ -22,6 +22,9 @@ struct EdgeTable {
   std::vector<VertexId> upper;       ///< of each edge, ascending within a lower vertex
   std::vector<EdgeId> first_upward;  ///< the same for upper vertices, into upward
   std::vector<EdgeId> upward;        ///< edges by their upper vertex
+  std::vector<std::uint32_t> mixed;  ///< simplices with an edge of the table, ascending
+  /// Whether a vertex lies in a simplex with one label only: then the label does not depend on this vertex alone.
+  std::vector<std::uint8_t> supported;
 
   [[nodiscard]] std::size_t size() const { return upper.size(); }
   /// \return kNoEdge if the two vertices are not joined by an edge of the table.
@@ -39,7 +42,7 @@ struct EdgeTable {
   }
 };
 
-/// \throw Error(limits) if there are 2^32 edges or more.
+/// \throw Error(limits) if there are 2^32 edges or simplices or more.
 template <int Dim>
 EdgeTable separated_edges(const SimplexLattice<Dim>& lattice, const VertexLabels& labels, Execution& execution);
 

@@ -1,6 +1,7 @@
 #include "treemarch/march/snap.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -23,7 +24,9 @@ class Snapper {
         options_(options),
         execution_(execution),
         state_(state),
-        moved_(lattice.vertices.size(), 1) {}
+        moved_(lattice.vertices.size(), 1),
+        depth_(lattice.vertices.size(), 0),
+        support_(lattice.vertices.size(), 0) {}
 
   void run() {
     state_.cut.assign(state_.edges.size(), -1);
@@ -42,6 +45,7 @@ class Snapper {
  private:
   struct Move {
     VertexId vertex;
+    std::uint64_t depth;  // quantised distance to the cut, never 0; ties broken by the vertex
     LabelSet labels;
     Vec<Dim> point;
   };
@@ -63,13 +67,21 @@ class Snapper {
   [[nodiscard]] double locate_cut(VertexId u, VertexId v) const;
   std::int64_t snap_round();
   [[nodiscard]] bool propose(VertexId v, Move& move) const;
+  void find_support();
+  /// Whether a label does not vanish around the vertex when it moves.
+  [[nodiscard]] bool supported(const Move& move) const {
+    return !state_.labels.single(move.vertex) || state_.edges.supported[move.vertex] ||
+           support_[move.vertex] > move.depth;
+  }
 
   const SimplexLattice<Dim>& lattice_;
   const Field<Dim>& field_;
   const SnapOptions& options_;
   Execution& execution_;
   SnappedLattice<Dim>& state_;
-  std::vector<std::uint8_t> moved_;  // in the last round
+  std::vector<std::uint8_t> moved_;     // in the last round
+  std::vector<std::uint64_t> depth_;    // of the vertices that want to move, else 0
+  std::vector<std::uint64_t> support_;  // the largest depth of a neighbour with the same single label
 };
 
 template <int Dim>
@@ -113,6 +125,27 @@ double Snapper<Dim>::locate_cut(VertexId u, VertexId v) const {
   return t;
 }
 
+/// A vertex that wants to move needs a neighbour of its own single label that stays or lies deeper inside: so the
+/// deepest vertex of every part of a label stays, and no label is lost.
+template <int Dim>
+void Snapper<Dim>::find_support() {
+  constexpr std::uint64_t kStays = ~std::uint64_t{0};
+  parallel_for(execution_, static_cast<std::int64_t>(state_.edges.mixed.size()), kGrain, [&](std::int64_t i) {
+    const auto& simplex = lattice_.simplices[state_.edges.mixed[i]];
+    for (const VertexId v : simplex) {
+      if (depth_[v] == 0) continue;
+      for (const VertexId w : simplex) {
+        if (w == v || !state_.labels.same_single(v, w)) continue;
+        const std::uint64_t depth = depth_[w] ? depth_[w] : kStays;
+        std::atomic_ref<std::uint64_t> most(support_[v]);
+        std::uint64_t seen = most.load(std::memory_order_relaxed);
+        while (seen < depth && !most.compare_exchange_weak(seen, depth, std::memory_order_relaxed)) {
+        }
+      }
+    }
+  });
+}
+
 template <int Dim>
 std::int64_t Snapper<Dim>::snap_round() {
   constexpr std::int64_t kBlock = 8192;
@@ -120,19 +153,28 @@ std::int64_t Snapper<Dim>::snap_round() {
   std::vector<std::vector<Move>> moves(block_count(n, kBlock));
   parallel_for(execution_, static_cast<std::int64_t>(moves.size()), 1, [&](std::int64_t block) {
     Move move;
-    for (std::int64_t v = block * kBlock; v < std::min(n, (block + 1) * kBlock); ++v)
-      if (propose(static_cast<VertexId>(v), move)) moves[block].push_back(move);
+    for (std::int64_t v = block * kBlock; v < std::min(n, (block + 1) * kBlock); ++v) {
+      support_[v] = 0;
+      depth_[v] = 0;
+      if (!propose(static_cast<VertexId>(v), move)) continue;
+      moves[block].push_back(move);
+      depth_[v] = move.depth;
+    }
   });
+  find_support();
   std::fill(moved_.begin(), moved_.end(), 0);
   std::int64_t count = 0;
+  std::vector<const Move*> accepted;
   for (const auto& block : moves)
-    for (const Move& move : block) {
-      state_.snapped += state_.labels.single(move.vertex);
-      state_.labels.set_many(move.vertex, move.labels);
-      state_.points[move.vertex] = move.point;
-      moved_[move.vertex] = 1;
-      ++count;
-    }
+    for (const Move& move : block)
+      if (supported(move)) accepted.push_back(&move);
+  for (const Move* move : accepted) {
+    state_.snapped += state_.labels.single(move->vertex);
+    state_.labels.set_many(move->vertex, move->labels);
+    state_.points[move->vertex] = move->point;
+    moved_[move->vertex] = 1;
+    ++count;
+  }
   return count;
 }
 
@@ -160,6 +202,7 @@ bool Snapper<Dim>::propose(VertexId v, Move& move) const {
   for (std::size_t k = 1; k < ends.size(); ++k)
     if (const float w = field_.weight(cut, ends[k]); w > best) best = w, gained = ends[k];
   move.vertex = v;
+  move.depth = (static_cast<std::uint64_t>(nearest.first + 1) << 32) | v;
   move.labels = state_.labels.set_of(v);
   if (move.labels.size() == LabelSet::kMost) return false;
   move.labels.insert(gained);
