@@ -36,8 +36,9 @@ struct LabelWeight {
 
 /// A separating function for every label of an image. Points are in the inner frame (image/frame.h); beyond the image
 /// the nearest voxel centre counts, so labels extend constantly over the border. Weights are >= 0 and about 1 where one
-/// label is alone; labels that weigh less than 1/512 at a voxel are left out there. The result for a label depends
-/// neither on the numbering of labels nor on threads. All functions are safe to call from many threads.
+/// label is alone (thin structures count up to 1.9 times, docs/stages/field.md); labels that weigh less than 1/512 at a
+/// voxel are left out there. The result for a label depends neither on the numbering of labels nor on threads. All
+/// functions are safe to call from many threads.
 template <int Dim>
 class Field {
  public:

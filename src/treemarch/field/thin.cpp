@@ -61,6 +61,26 @@ class Thinness {
     return result;
   }
 
+  /// How many of the voxels that share a face with c have its label; beyond the image counts as its label.
+  [[nodiscard]] int face_neighbours(const Coord<Dim>& c) const {
+    int count = 0;
+    for (int d = 0; d < Dim; ++d)
+      for (const int step : {-1, 1}) {
+        Coord<Dim> n = c;
+        n[d] += step;
+        count += n[d] < 0 || n[d] >= image_.extent[d] || image_.material(n) == image_.material(c);
+      }
+    return count;
+  }
+
+  /// Calls f(voxel) for every voxel of a set, in parallel by bricks.
+  template <class F>
+  void for_each(const Mask& mask, F&& f) const {
+    parallel_for(execution_, static_cast<std::int64_t>(mask.size()), 256, [&](std::int64_t brick) {
+      for_each_in_brick(mask, brick, [&](const Coord<Dim>& c, std::uint64_t) { f(c); });
+    });
+  }
+
  private:
   static constexpr int kPlaces = Dim == 3 ? 27 : 9;
 
@@ -125,13 +145,6 @@ class Thinness {
   }
 
   template <class F>
-  void for_each(const Mask& mask, F&& f) const {
-    parallel_for(execution_, static_cast<std::int64_t>(mask.size()), 256, [&](std::int64_t brick) {
-      for_each_in_brick(mask, brick, [&](const Coord<Dim>& c, std::uint64_t) { f(c); });
-    });
-  }
-
-  template <class F>
   Mask select(const Mask& mask, F&& f) const {
     Mask result(mask.size(), 0);
     parallel_for(execution_, static_cast<std::int64_t>(mask.size()), 256, [&](std::int64_t brick) {
@@ -148,13 +161,14 @@ class Thinness {
   const Execution& execution_;
 };
 
-/// A voxel's own label gets the whole weight.
+/// Weight of the own label of a thin voxel by its face neighbours of that label. Between flat cells a wire or a grain
+/// would lose most of its volume: the fewer neighbours, the farther out the interface is put.
 template <int Dim>
-void make_raw(VoxelLists<Dim>& lists, const Mask& mask, const Execution& execution) {
-  parallel_for(execution, static_cast<std::int64_t>(mask.size()), 256, [&](std::int64_t brick) {
-    for (std::uint64_t rest = mask[brick]; rest != 0; rest &= rest - 1)
-      lists.make_raw(lists.refs[brick], std::countr_zero(rest));
-  });
+std::uint32_t thin_weight(int neighbours) {
+  constexpr std::array<double, 5> kWeight = {1.9, 1.6, 1.3, 1.1, 1};
+  const int missing = std::max(0, 2 * (Dim - 1) - neighbours);  // none in a sheet
+  return static_cast<std::uint32_t>(kWeight[static_cast<std::size_t>(4 - std::min(4, missing))] *
+                                    VoxelLists<Dim>::kOne);
 }
 
 }  // namespace
@@ -167,10 +181,16 @@ std::int64_t keep_thin(const LabelImage<Dim>& image, const std::vector<std::uint
   for (int step = 0; step < 2; ++step) thin = thinness.grown(thin);
   const Mask bridges = thinness.bridges();
   for (std::size_t b = 0; b < thin.size(); ++b) thin[b] |= bridges[b];
-  thin = thinness.with_ring(thin);
-  make_raw(lists, thin, execution);
+  const Mask raw = thinness.with_ring(thin);
+  thinness.for_each(raw, [&](const Coord<Dim>& c) {
+    lists.make_raw(lists.refs[lists.brick_of(c)], VoxelLists<Dim>::place_in_brick(c), VoxelLists<Dim>::kOne);
+  });
+  thinness.for_each(thin, [&](const Coord<Dim>& c) {
+    lists.make_raw(lists.refs[lists.brick_of(c)], VoxelLists<Dim>::place_in_brick(c),
+                   thin_weight<Dim>(thinness.face_neighbours(c)));
+  });
   std::int64_t count = 0;
-  for (std::uint64_t word : thin) count += std::popcount(word);
+  for (std::uint64_t word : raw) count += std::popcount(word);
   return count;
 }
 

@@ -58,15 +58,15 @@ struct VoxelLists {
       visit(palette[*p >> 16], *p & 0xffffU);
   }
 
-  /// Gives a voxel's own label the whole weight.
-  void make_raw(std::uint64_t ref, int place) {
+  /// Gives a voxel's own label all the weight there is, in units of 1 / kOne. \pre weight < 2 * kOne
+  void make_raw(std::uint64_t ref, int place, std::uint32_t weight) {
     if (ref & kUniform) return;
     std::uint32_t* brick = chunks[ref >> 32].data() + static_cast<std::uint32_t>(ref);
     const std::uint32_t first = offset(brick, place);
     const std::uint32_t last = offset(brick, place + 1);
     for (std::uint32_t i = first; i < last; ++i) {
       std::uint32_t& word = brick[kHeader + i];
-      word = (word & 0xffff0000U) | (i == first ? kOne : 0U);
+      word = (word & 0xffff0000U) | (i == first ? weight : 0U);
     }
   }
 
