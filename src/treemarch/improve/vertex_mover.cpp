@@ -1,0 +1,205 @@
+#include "treemarch/improve/vertex_mover.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+namespace treemarch {
+namespace {
+
+constexpr double kRise = 0.01;   // degrees: less is no progress
+constexpr double kActive = 1.5;  // degrees above the worst: cells whose gradients count
+
+/// The cells around a vertex with their points at hand.
+template <int Dim>
+class StarShape {
+ public:
+  StarShape(const Patch<Dim>& patch, VertexId v) : x_(patch.point(v)) {
+    const auto star = patch.star(v);
+    corner_.resize(star.size());
+    own_.resize(star.size());
+    Vec<Dim> sum{};
+    shortest_ = -1;
+    for (std::size_t i = 0; i < star.size(); ++i) {
+      const SimplexVertices<Dim> cell = patch.cell(star[i]);
+      for (int k = 0; k <= Dim; ++k) {
+        corner_[i][k] = patch.point(cell[k]);
+        if (cell[k] == v) {
+          own_[i] = k;
+          continue;
+        }
+        sum = sum + corner_[i][k];
+        const double length = squared_norm(corner_[i][k] - x_);
+        if (shortest_ < 0 || length < shortest_) shortest_ = length;
+      }
+    }
+    shortest_ = std::sqrt(shortest_);
+    // A neighbour counts once for each cell that it shares with v.
+    mean_ = (1.0 / static_cast<double>(Dim * star.size())) * sum;
+  }
+
+  [[nodiscard]] AngleRange angles(std::size_t i, const Vec<Dim>& x) const {
+    auto p = corner_[i];
+    p[own_[i]] = x;
+    return angle_range<Dim>(p);
+  }
+  [[nodiscard]] double quality_at(const Vec<Dim>& x) const {
+    AngleRange all;
+    for (std::size_t i = 0; i < corner_.size(); ++i) all.merge(angles(i, x));
+    return quality(all);
+  }
+  [[nodiscard]] bool all_meet(const Vec<Dim>& x, const QualityBound& bound) const {
+    for (std::size_t i = 0; i < corner_.size(); ++i)
+      if (!meets(angles(i, x), bound)) return false;
+    return true;
+  }
+  /// Gradients of the qualities within kActive of the worst.
+  [[nodiscard]] std::vector<Vec<Dim>> active_gradients(const Vec<Dim>& x, double worst) const {
+    std::vector<Vec<Dim>> all;
+    const QualityBound active(worst + kActive);
+    const double step = 1e-4 * shortest_;
+    for (std::size_t i = 0; i < corner_.size(); ++i) {
+      if (meets(angles(i, x), active)) continue;
+      Vec<Dim> g{};
+      for (int d = 0; d < Dim; ++d) {
+        Vec<Dim> up = x, down = x;
+        up[d] += step;
+        down[d] -= step;
+        g[d] = (quality(angles(i, up)) - quality(angles(i, down))) / (2 * step);
+      }
+      all.push_back(g);
+    }
+    return all;
+  }
+  [[nodiscard]] const Vec<Dim>& mean() const { return mean_; }
+  [[nodiscard]] double shortest() const { return shortest_; }
+
+ private:
+  Vec<Dim> x_, mean_{};
+  double shortest_ = 0;
+  std::vector<std::array<Vec<Dim>, Dim + 1>> corner_;
+  std::vector<int> own_;
+};
+
+/// The point of the hull of g that is nearest to the origin, by Frank-Wolfe steps.
+template <int Dim>
+Vec<Dim> nearest_in_hull(const std::vector<Vec<Dim>>& g) {
+  const auto less = [](const Vec<Dim>& a, const Vec<Dim>& b) { return squared_norm(a) < squared_norm(b); };
+  Vec<Dim> p = *std::ranges::min_element(g, less);
+  for (int round = 0; round < 24; ++round) {
+    const Vec<Dim>& to =
+        *std::ranges::min_element(g, [&](const Vec<Dim>& a, const Vec<Dim>& b) { return dot(a, p) < dot(b, p); });
+    const Vec<Dim> step = to - p;
+    const double gain = -dot(p, step);
+    if (gain <= 1e-3 * squared_norm(p)) break;
+    p = p + std::min(1.0, gain / squared_norm(step)) * step;
+  }
+  return p;
+}
+
+/// One search for a better place.
+template <int Dim>
+class Search {
+ public:
+  Search(const Patch<Dim>& patch, VertexId v, const Field<Dim>& field, const Vec<Dim>& box, const MoveLimits& limits,
+         bool loose, const Vec<Dim>& start)
+      : shape_(patch, v),
+        stratum_(stratum_of(patch, v, box, field)),
+        constraint_(field, stratum_, patch.point(v)),
+        limits_(limits),
+        loose_(loose),
+        start_(start),
+        best_(patch.point(v)) {}
+
+  bool run(Vec<Dim>& x) {
+    quality_ = shape_.quality_at(best_);
+    if (quality_ >= limits_.goal || !can_move()) return false;
+    offset_ = offset(best_);
+    const double first = quality_;
+    for (const double part : {1.0, 0.4})
+      if (quality_ == first) attempt(part * along(shape_.mean() - best_));
+    for (int round = 0; round < 8 && quality_ < limits_.goal; ++round)
+      if (!climb()) break;
+    x = best_;
+    return quality_ > first;
+  }
+
+ private:
+  [[nodiscard]] bool can_move() const {
+    if (loose_ || !constraint_.known()) return stratum_.fixed_axes + 1 != 1U << Dim;  // a corner of the box stays
+    return constraint_.freedom() > 0;
+  }
+  [[nodiscard]] bool bound_to_start() const { return !constraint_.known(); }
+  [[nodiscard]] Vec<Dim> along(const Vec<Dim>& d) const {
+    return loose_ ? constraint_.on_box(d) : constraint_.along(d);
+  }
+  [[nodiscard]] double offset(const Vec<Dim>& x) const {
+    return bound_to_start() ? norm(x - start_) : norm(constraint_.to_stratum(x));
+  }
+
+  bool climb() {
+    auto gradients = shape_.active_gradients(best_, quality_);
+    for (Vec<Dim>& g : gradients) g = along(g);
+    const Vec<Dim> up = nearest_in_hull(gradients);
+    const double slope = norm(up);
+    if (!(slope * shape_.shortest() > 1e-2)) return false;
+    double step = 0.2 * shape_.shortest();
+    for (int halving = 0; halving < 6; ++halving, step *= 0.5)
+      if (attempt((step / slope) * up)) return true;
+    return false;
+  }
+
+  /// Takes a move if all cells get better than the worst was and the vertex stays true to its stratum.
+  bool attempt(const Vec<Dim>& move) {
+    const Vec<Dim> plain = best_ + move;
+    if (loose_ || stratum_.count == 1 || bound_to_start()) return take(plain);
+    const Vec<Dim> correction = constraint_.to_stratum(plain);
+    if (take(plain + correction)) return true;
+    return offset_ > 0.1 * limits_.slack && take(plain);
+  }
+
+  bool take(const Vec<Dim>& x) {
+    if (squared_norm(x - start_) > limits_.displacement * limits_.displacement) return false;
+    if (!shape_.all_meet(x, QualityBound(quality_ + kRise))) return false;
+    if (stratum_.count > 1) {
+      const double off = offset(x);
+      if (off > std::max(offset_, loose_ || bound_to_start() ? limits_.slack : 0.2 * limits_.slack)) return false;
+    }
+    best_ = x;
+    quality_ = shape_.quality_at(x);
+    return true;
+  }
+
+  StarShape<Dim> shape_;
+  Stratum stratum_;
+  Constraint<Dim> constraint_;
+  MoveLimits limits_;
+  bool loose_;
+  Vec<Dim> start_, best_;
+  double quality_ = 0, offset_ = 0;
+};
+
+}  // namespace
+
+template <int Dim>
+bool find_better_place(const Patch<Dim>& patch, VertexId v, const Field<Dim>& field, const Vec<Dim>& box,
+                       const MoveLimits& limits, bool loose, const Vec<Dim>& start, Vec<Dim>& x) {
+  return Search<Dim>(patch, v, field, box, limits, loose, start).run(x);
+}
+
+template <int Dim>
+double star_quality(const Patch<Dim>& patch, VertexId v) {
+  AngleRange all;
+  for (const CellId c : patch.star(v)) all.merge(patch.angles(patch.cell(c)));
+  return quality(all);
+}
+
+template bool find_better_place(const Patch<2>&, VertexId, const Field<2>&, const Vec<2>&, const MoveLimits&, bool,
+                                const Vec<2>&, Vec<2>&);
+template bool find_better_place(const Patch<3>&, VertexId, const Field<3>&, const Vec<3>&, const MoveLimits&, bool,
+                                const Vec<3>&, Vec<3>&);
+template double star_quality(const Patch<2>&, VertexId);
+template double star_quality(const Patch<3>&, VertexId);
+
+}  // namespace treemarch

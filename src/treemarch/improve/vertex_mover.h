@@ -1,0 +1,32 @@
+/// \file
+/// Moves one vertex to where the worst element around it is better.
+#pragma once
+
+#include "treemarch/core/vec.h"
+#include "treemarch/field/field.h"
+#include "treemarch/improve/patch.h"
+#include "treemarch/improve/stratum.h"
+
+namespace treemarch {
+
+struct MoveLimits {
+  double displacement = 0;  ///< from where the vertex was at first
+  double slack = 0;         ///< how far a vertex may get off its interface (one that is further off may stay so)
+  double goal = 20;         ///< degrees; a vertex whose cells reach it is left alone
+};
+
+/// Finds a place for v with a better worst element around it: the mean of its neighbours, then steps up the steepest
+/// direction that all the worst elements share (the point of smallest norm in the hull of their gradients). Along its
+/// stratum, or freely within limits.slack of it if `loose`. Materials with no surface to follow (four or more, or where
+/// the field does not tell) move within the slack of `start`.
+/// \param start where the vertex was at first.
+/// \return whether there is one, in `x`. Reads the positions of v and its neighbours only. \pre patch.has_star(v)
+template <int Dim>
+bool find_better_place(const Patch<Dim>& patch, VertexId v, const Field<Dim>& field, const Vec<Dim>& box,
+                       const MoveLimits& limits, bool loose, const Vec<Dim>& start, Vec<Dim>& x);
+
+/// Smallest quality of the cells around v, in degrees; -1 if one is inverted.
+template <int Dim>
+double star_quality(const Patch<Dim>& patch, VertexId v);
+
+}  // namespace treemarch
