@@ -1,10 +1,13 @@
 #include "treemarch/improve/improve.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
+#include <cmath>
 #include <utility>
 #include <vector>
 
+#include "treemarch/core/error.h"
 #include "treemarch/core/parallel.h"
 #include "treemarch/improve/patch.h"
 #include "treemarch/improve/remesh.h"
@@ -19,6 +22,7 @@ constexpr double kMargin = 0.01;   // degrees: cells are listed up to this above
 constexpr double kHeadroom = 0.5;  // degrees above the target at which a vertex is left alone
 constexpr double kSlack = 0.1;     // of a voxel: how far a vertex may leave its interface
 constexpr int kSweeps = 8;
+constexpr int kWidths = 3;  // neighbourhoods that are tried, each a ring wider
 
 /// Bits without a pattern, so that vertices which come first are spread over the mesh.
 std::uint64_t scramble(std::uint64_t x) {
@@ -27,10 +31,33 @@ std::uint64_t scramble(std::uint64_t x) {
   return x ^ (x >> 31);
 }
 
+/// Whether no angle is beyond the bounds, without a root or a quotient; rounding may decide at the bound.
+/// \pre both cosines of the bound are those of an angle below 90 degrees (of 180 - the largest angle).
+bool surely_meets(const std::array<Vec<3>, 4>& p, double high2, double low2) {
+  const Vec<3> a = p[1] - p[0], b = p[2] - p[0], c = p[3] - p[0];
+  const Vec<3> n1 = cross(b, c), n2 = cross(c, a), n3 = cross(a, b);
+  const Vec<3> n0{-n1[0] - n2[0] - n3[0], -n1[1] - n2[1] - n3[1], -n1[2] - n2[2] - n3[2]};
+  const double s0 = dot(n0, n0), s1 = dot(n1, n1), s2 = dot(n2, n2), s3 = dot(n3, n3);
+  const auto within = [&](const Vec<3>& n, const Vec<3>& m, double s) {
+    const double d = dot(n, m), square = d * std::abs(d);
+    return square >= -high2 * s && square <= low2 * s;
+  };
+  return static_cast<int>(dot(a, n1) > 0) & within(n0, n1, s0 * s1) & within(n0, n2, s0 * s2) &
+         within(n0, n3, s0 * s3) & within(n1, n2, s1 * s2) & within(n1, n3, s1 * s3) & within(n2, n3, s2 * s3);
+}
+
+bool surely_meets(const std::array<Vec<2>, 3>& p, double high2, double low2) {
+  const Vec<2> u = p[1] - p[0], v = p[2] - p[0], w = p[2] - p[1];
+  const double uu = dot(u, u), vv = dot(v, v), ww = dot(w, w);
+  const auto within = [&](double d, double s) { return d * std::abs(d) <= high2 * s && -d * std::abs(d) <= low2 * s; };
+  return u[0] * v[1] - u[1] * v[0] > 0 && within(dot(u, v), uu * vv) && within(-dot(u, w), uu * ww) &&
+         within(dot(v, w), vv * ww);
+}
+
 struct Scan {
-  std::vector<CellId> bad;
-  AngleRange angles;
+  std::vector<CellId> bad;  // up to kMargin above the target
   std::int64_t below = 0;
+  double worst = 0;  // the target if nothing is below
 };
 
 template <int Dim>
@@ -47,17 +74,19 @@ class Improver {
   }
 
   ImproveReport run() {
-    Scan scan = scan_cells();
-    report_.below_before = report_.below_after = scan.below;
-    report_.worst_before = report_.worst_after = quality(scan.angles);
+    const Scan scan = scan_cells();
+    report_.below_before = scan.below;
+    report_.worst_before = scan.worst;
     report_.stopped = ImproveStop::target_met;
-    if (!scan.bad.empty()) {
-      move_vertices(scan.bad);
-      remesh();
-      scan = scan_cells();
-      report_.below_after = scan.below;
-      report_.worst_after = quality(scan.angles);
+    left_ = scan.bad;
+    if (!left_.empty()) remesh(move_vertices());
+    report_.worst_after = options_.quality;
+    for (const CellId c : left_) {
+      const double q = quality_of_cell(c);
+      report_.below_after += q < options_.quality;
+      report_.worst_after = std::min(report_.worst_after, q);
     }
+    compact(mesh_, std::move(removed_), execution_);
     return report_;
   }
 
@@ -67,16 +96,16 @@ class Improver {
     return options_.seconds > 0 &&
            std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count() > options_.seconds;
   }
-  [[nodiscard]] bool is_bad(CellId c, const QualityBound& bound) const {
+  [[nodiscard]] double quality_of_cell(CellId c) const {
     std::array<Vec<Dim>, Dim + 1> p;
     for (int k = 0; k <= Dim; ++k) p[k] = mesh_.points[mesh_.blocks[0].vertices[std::size_t{c} * (Dim + 1) + k]];
-    return !meets(angle_range<Dim>(p), bound);
+    return quality(angle_range<Dim>(p));
   }
   std::vector<VertexId> corners(const std::vector<CellId>& cells) const;
-  void move_vertices(const std::vector<CellId>& bad);
+  std::vector<VertexId> with_neighbours(const Patch<Dim>& patch) const;
+  std::vector<VertexId> move_vertices();
   std::int64_t sweep(Patch<Dim>& patch, const std::vector<Vec<Dim>>& start, const std::vector<VertexId>& candidates);
-  void remesh();
-  bool remesh_around(const std::vector<CellId>& bad);
+  void remesh(std::vector<VertexId> around);
   Vec<Dim> start_of(VertexId v) const {
     const auto at = std::ranges::lower_bound(start_, v, {}, &std::pair<VertexId, Vec<Dim>>::first);
     return at != start_.end() && at->first == v ? at->second : mesh_.points[v];
@@ -92,34 +121,35 @@ class Improver {
   ImproveReport report_;
   std::vector<std::pair<VertexId, Vec<Dim>>> start_;  // where the vertices that have moved were at first, ascending
   std::vector<CellId> left_;                          // bad cells after the last step
+  Removed removed_;
   std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
 };
 
 template <int Dim>
 Scan Improver<Dim>::scan_cells() const {
   const std::int64_t cells = mesh_.blocks[0].size();
-  const QualityBound bound(options_.quality), list(options_.quality + kMargin);
-  std::vector<Scan> part(static_cast<std::size_t>(block_count(cells, kBlock)));
+  // A little more than the margin, so that rounding does not matter.
+  const QualityBound list(options_.quality + 2 * kMargin);
+  const double high2 = list.high * list.high, low2 = list.low * list.low;
+  std::vector<std::vector<CellId>> part(static_cast<std::size_t>(block_count(cells, kBlock)));
   parallel_for(execution_, static_cast<std::int64_t>(part.size()), 1, [&](std::int64_t b) {
-    Scan& scan = part[b];
     const VertexId* v = mesh_.blocks[0].cell(b * kBlock);
     for (std::int64_t c = b * kBlock; c < std::min(cells, (b + 1) * kBlock); ++c, v += Dim + 1) {
       std::array<Vec<Dim>, Dim + 1> p;
       for (int k = 0; k <= Dim; ++k) p[k] = mesh_.points[v[k]];
-      const AngleRange r = angle_range<Dim>(p);
-      scan.angles.merge(r);
-      if (meets(r, list)) continue;
-      scan.bad.push_back(static_cast<CellId>(c));
-      scan.below += !meets(r, bound);
+      if (!surely_meets(p, high2, low2)) part[b].push_back(static_cast<CellId>(c));
     }
   });
-  Scan all;
-  for (const Scan& scan : part) {
-    all.bad.insert(all.bad.end(), scan.bad.begin(), scan.bad.end());
-    all.angles.merge(scan.angles);
-    all.below += scan.below;
-  }
-  return all;
+  Scan scan;
+  scan.worst = options_.quality;
+  for (const auto& some : part)
+    for (const CellId c : some) {
+      const double q = quality_of_cell(c);
+      if (q < options_.quality + kMargin) scan.bad.push_back(c);
+      scan.below += q < options_.quality;
+      scan.worst = std::min(scan.worst, q);
+    }
+  return scan;
 }
 
 template <int Dim>
@@ -190,19 +220,34 @@ std::int64_t Improver<Dim>::sweep(Patch<Dim>& patch, const std::vector<Vec<Dim>>
   return moved;
 }
 
+/// The corners of the bad cells and, where the patch has their stars, their neighbours.
 template <int Dim>
-void Improver<Dim>::move_vertices(const std::vector<CellId>& bad) {
-  Patch<Dim> patch(mesh_, corners(bad), execution_);
+std::vector<VertexId> Improver<Dim>::with_neighbours(const Patch<Dim>& patch) const {
+  std::vector<VertexId> all;
+  for (const VertexId v : corners(left_)) {
+    all.push_back(v);
+    if (!patch.has_star(v)) continue;
+    for (const CellId c : patch.star(v))
+      for (const VertexId w : patch.cell(c)) all.push_back(w);
+  }
+  parallel_sort(execution_, all);
+  all.erase(std::unique(all.begin(), all.end()), all.end());
+  return all;
+}
+
+/// Sweeps over the corners of the bad cells. \return the vertices that remesh() needs.
+template <int Dim>
+std::vector<VertexId> Improver<Dim>::move_vertices() {
+  Patch<Dim> patch(mesh_, corners(left_), execution_);
   std::vector<Vec<Dim>> start(patch.chosen().size());
   for (std::size_t s = 0; s < start.size(); ++s) start[s] = patch.point(patch.chosen()[s]);
   std::vector<VertexId> candidates = patch.chosen();
-  left_ = bad;
   const QualityBound list(options_.quality + kMargin);
   for (int round = 0; round < kSweeps && !left_.empty() && !late(); ++round) {
     const std::int64_t moved = sweep(patch, start, candidates);
     report_.moves += moved;
     if (moved == 0) break;
-    // Cells that were touched and are bad now: those around the candidates.
+    // What is bad now was bad before or lies around a vertex that has moved.
     std::vector<CellId> cells;
     for (const VertexId v : candidates) {
       const auto star = patch.star(v);
@@ -212,7 +257,7 @@ void Improver<Dim>::move_vertices(const std::vector<CellId>& bad) {
     cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
     std::vector<std::uint8_t> still(cells.size());
     parallel_for(execution_, static_cast<std::int64_t>(cells.size()), 1024,
-                 [&](std::int64_t i) { still[i] = is_bad(cells[i], list); });
+                 [&](std::int64_t i) { still[i] = !meets(patch.angles(patch.cell(cells[i])), list); });
     left_.clear();
     for (std::size_t i = 0; i < cells.size(); ++i)
       if (still[i] != 0) left_.push_back(cells[i]);
@@ -220,52 +265,35 @@ void Improver<Dim>::move_vertices(const std::vector<CellId>& bad) {
     std::erase_if(candidates, [&](VertexId v) { return !patch.has_star(v); });
   }
   remember(patch.chosen(), start);
+  return with_neighbours(patch);
 }
 
+/// Changes the connectivity around the bad cells, over wider and wider neighbourhoods.
 template <int Dim>
-void Improver<Dim>::remesh() {
-  while (!left_.empty()) {
-    if (late()) {
-      report_.stopped = ImproveStop::time_limit;
-      return;
+void Improver<Dim>::remesh(std::vector<VertexId> around) {
+  const double target = options_.quality + kMargin;
+  const auto stop = [&] { return late(); };
+  for (int width = 0; width < kWidths && !left_.empty(); ++width) {
+    Patch<Dim> patch(mesh_, std::move(around), execution_);
+    std::vector<Vec<Dim>> start;
+    for (const VertexId v : patch.chosen()) start.push_back(start_of(v));
+    Remesher<Dim> remesher(patch, std::move(start), field_, box_, limits_, report_);
+    report_.stopped = ImproveStop::no_progress;
+    while (!left_.empty()) {
+      if (report_.passes >= options_.passes) report_.stopped = ImproveStop::pass_limit;
+      if (late()) report_.stopped = ImproveStop::time_limit;
+      if (report_.stopped != ImproveStop::no_progress) break;
+      ++report_.passes;
+      const std::int64_t improved = remesher.pass(target, stop);
+      left_ = remesher.bad_cells(target);
+      if (improved == 0) break;
     }
-    if (report_.passes >= options_.passes) {
-      report_.stopped = ImproveStop::pass_limit;
-      return;
-    }
-    ++report_.passes;
-    if (!remesh_around(left_)) {
-      report_.stopped = ImproveStop::no_progress;
-      return;
-    }
+    if (left_.empty()) report_.stopped = ImproveStop::target_met;
+    remember(patch.chosen(), remesher.start());
+    patch.list_removed(removed_);
+    around = with_neighbours(patch);
+    if (report_.stopped != ImproveStop::no_progress) break;
   }
-}
-
-template <int Dim>
-bool Improver<Dim>::remesh_around(const std::vector<CellId>& bad) {
-  // Stars of the corners of bad cells and of their neighbours.
-  std::vector<VertexId> core = corners(bad), wide;
-  {
-    const Patch<Dim> patch(mesh_, core, execution_);
-    for (const VertexId v : core)
-      for (const CellId c : patch.star(v))
-        for (const VertexId w : patch.cell(c)) wide.push_back(w);
-  }
-  parallel_sort(execution_, wide);
-  wide.erase(std::unique(wide.begin(), wide.end()), wide.end());
-  Patch<Dim> patch(mesh_, wide, execution_);
-  std::vector<Vec<Dim>> start;
-  for (const VertexId v : wide) start.push_back(start_of(v));
-  Remesher<Dim> remesher(patch, std::move(start), field_, box_, limits_, report_);
-  const bool progress = remesher.pass(options_.quality + kMargin, [&] { return late(); }) > 0;
-  remember(patch.chosen(), remesher.start());
-  for (const auto& [from, to] : patch.compact(execution_)) {
-    const auto at = std::ranges::lower_bound(start_, from, {}, &std::pair<VertexId, Vec<Dim>>::first);
-    if (at != start_.end() && at->first == from) start_.push_back({to, at->second});
-  }
-  std::ranges::stable_sort(start_, {}, &std::pair<VertexId, Vec<Dim>>::first);
-  left_ = scan_cells().bad;
-  return progress;
 }
 
 }  // namespace
@@ -278,6 +306,8 @@ std::string_view name_of(ImproveStop stop) {
 template <int Dim>
 ImproveReport improve(Mesh<Dim>& mesh, const Field<Dim>& field, const Vec<Dim>& box, const ImproveOptions& options,
                       Execution& execution) {
+  if (!(options.quality <= 60))
+    throw Error(ErrorKind::usage, "--quality: must be at most 60 degrees, and 20 to 25 is what can be reached");
   if (options.quality <= 0 || mesh.blocks.empty()) return {};
   return Improver<Dim>(mesh, field, box, options, execution).run();
 }

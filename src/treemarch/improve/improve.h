@@ -17,7 +17,7 @@ struct ImproveOptions {
   double quality = 20;          ///< target in degrees (mesh/simplex_quality.h); 0 leaves the elements as they are
   double max_displacement = 0;  ///< of a vertex from where it was, physical; 0 for half the smallest side of a voxel
   double seconds = 0;           ///< stops after so long (then the result depends on the machine); 0 for no limit
-  int passes = 6;               ///< of operations that change the connectivity, at most
+  int passes = 20;              ///< of operations that change the connectivity, at most
   bool pull = true;             ///< bring vertices that lie off their interface back to it where quality allows
 };
 
@@ -29,7 +29,7 @@ enum class ImproveStop { off, target_met, no_progress, pass_limit, time_limit };
 struct ImproveReport {
   ImproveStop stopped = ImproveStop::off;
   std::int64_t below_before = 0, below_after = 0;  ///< elements below the target
-  double worst_before = 0, worst_after = 0;        ///< smallest quality, in degrees
+  double worst_before = 0, worst_after = 0;        ///< smallest quality, in degrees; the target where none is below it
   std::int64_t moves = 0;                          ///< of vertices, to a better place
   std::int64_t facet_flips = 0, edge_removals = 0, collapses = 0, splits = 0;
   std::int64_t pulls = 0;  ///< vertices brought back to their interface
@@ -45,6 +45,7 @@ struct ImproveReport {
 /// \param box the upper corner of the image's box, the lower one is 0; vertices on it have exactly its coordinates, up
 /// to rounding.
 /// \pre the mesh has one block, of simplices, all positive.
+/// \throw Error(usage) if the target is above 60.
 /// The result is the same for any number of threads, unless options.seconds ends it.
 template <int Dim>
 ImproveReport improve(Mesh<Dim>& mesh, const Field<Dim>& field, const Vec<Dim>& box, const ImproveOptions& options,

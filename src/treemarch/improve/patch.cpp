@@ -25,6 +25,7 @@ template <int Dim>
 void Patch<Dim>::collect(const Execution& execution) {
   const std::int64_t cells = block_.size();
   const auto touched = [&](std::int64_t c) {
+    if (!alive(static_cast<CellId>(c))) return false;
     bool any = false;
     for (int k = 0; k <= Dim; ++k) any |= slot_[block_.vertices[c * (Dim + 1) + k]] != 0;
     return any;
@@ -198,45 +199,50 @@ std::vector<CellId> Patch<Dim>::written() const {
 }
 
 template <int Dim>
-std::vector<std::pair<VertexId, VertexId>> Patch<Dim>::compact(const Execution& execution) {
-  // Holes are filled from the end, so that nothing else moves.
-  std::ranges::sort(free_, std::greater<>());
-  for (const CellId hole : free_) {
-    const auto last = static_cast<CellId>(block_.size() - 1);
-    if (hole != last) {
-      std::copy_n(block_.vertices.begin() + std::size_t{last} * (Dim + 1), Dim + 1,
-                  block_.vertices.begin() + std::size_t{hole} * (Dim + 1));
-      block_.materials[hole] = block_.materials[last];
-    }
-    block_.vertices.resize(block_.vertices.size() - (Dim + 1));
-    block_.materials.pop_back();
-  }
-  free_.clear();
-  std::vector<VertexId> unused;
+void Patch<Dim>::list_removed(Removed& removed) const {
+  removed.cells.insert(removed.cells.end(), free_.begin(), free_.end());
   for (std::size_t s = 0; s < chosen_.size(); ++s)
-    if (stars_[s].size == 0) unused.push_back(chosen_[s]);
-  std::vector<std::pair<VertexId, VertexId>> renumbered;
-  if (unused.empty()) return renumbered;
+    if (stars_[s].size == 0) removed.vertices.push_back(chosen_[s]);
+}
+
+template <int Dim>
+void compact(Mesh<Dim>& mesh, Removed removed, const Execution& execution) {
+  CellBlock& block = mesh.blocks[0];
+  // From the last hole on, so that the last cell is never a hole.
+  std::ranges::sort(removed.cells, std::greater<>());
+  for (const CellId hole : removed.cells) {
+    const auto last = static_cast<std::size_t>(block.size() - 1);
+    std::copy_n(block.vertices.begin() + last * (Dim + 1), Dim + 1,
+                block.vertices.begin() + std::size_t{hole} * (Dim + 1));
+    block.materials[hole] = block.materials[last];
+    block.vertices.resize(last * (Dim + 1));
+    block.materials.pop_back();
+  }
+  std::vector<VertexId>& unused = removed.vertices;
+  if (unused.empty()) return;
   std::ranges::sort(unused);
-  const auto count = static_cast<VertexId>(mesh_.points.size() - unused.size());
-  // The used vertices beyond the new count, ascending, go to the unused numbers below it, ascending.
-  std::size_t hole = 0, skip = std::ranges::lower_bound(unused, count) - unused.begin();
-  for (VertexId v = count; v < mesh_.points.size(); ++v) {
+  unused.erase(std::unique(unused.begin(), unused.end()), unused.end());
+  const auto count = static_cast<VertexId>(mesh.points.size() - unused.size());
+  // The used vertices from the new count on, ascending, take the unused numbers below it, ascending.
+  std::vector<VertexId> moved;
+  std::size_t skip = std::ranges::lower_bound(unused, count) - unused.begin();
+  for (VertexId v = count; v < mesh.points.size(); ++v) {
     if (skip < unused.size() && unused[skip] == v) {
       ++skip;
       continue;
     }
-    renumbered.push_back({v, unused[hole++]});
-    mesh_.points[renumbered.back().second] = mesh_.points[v];
+    mesh.points[unused[moved.size()]] = mesh.points[v];
+    moved.push_back(v);
   }
-  mesh_.points.resize(count);
-  parallel_for(execution, static_cast<std::int64_t>(block_.vertices.size()), 1 << 16, [&](std::int64_t i) {
-    VertexId& v = block_.vertices[i];
-    if (v >= count) v = std::ranges::lower_bound(renumbered, v, {}, &std::pair<VertexId, VertexId>::first)->second;
+  mesh.points.resize(count);
+  parallel_for(execution, static_cast<std::int64_t>(block.vertices.size()), 1 << 16, [&](std::int64_t i) {
+    VertexId& v = block.vertices[i];
+    if (v >= count) v = unused[std::ranges::lower_bound(moved, v) - moved.begin()];
   });
-  return renumbered;
 }
 
+template void compact(Mesh<2>&, Removed, const Execution&);
+template void compact(Mesh<3>&, Removed, const Execution&);
 template class Patch<2>;
 template class Patch<3>;
 

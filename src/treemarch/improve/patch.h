@@ -24,7 +24,18 @@ struct NewCell {
   MaterialId material;
 };
 
-/// Works on the mesh itself. Vertices that are not chosen have no star here; nothing else limits them.
+/// What a mesh still holds but has no use for.
+struct Removed {
+  std::vector<CellId> cells;
+  std::vector<VertexId> vertices;
+};
+
+/// Takes dead cells and unused vertices out of a mesh; the last ones take their places.
+template <int Dim>
+void compact(Mesh<Dim>& mesh, Removed removed, const Execution& execution);
+
+/// Works on the mesh itself; dead cells stay there until compact(). Vertices that are not chosen have no star here;
+/// nothing else limits them.
 template <int Dim>
 class Patch {
  public:
@@ -75,9 +86,8 @@ class Patch {
   /// Cells that were written since begin() and are alive, each once.
   [[nodiscard]] std::vector<CellId> written() const;
 
-  /// Removes dead cells and vertices without a cell from the mesh; the patch must not be used afterwards.
-  /// \return where each vertex with a number at or above the new count has gone, as pairs (old, new), ascending.
-  std::vector<std::pair<VertexId, VertexId>> compact(const Execution& execution);
+  /// Appends the cells that are dead by now and the chosen vertices without a cell.
+  void list_removed(Removed& removed) const;
 
   static constexpr CellId kNoCell = 0xffffffffU;
 

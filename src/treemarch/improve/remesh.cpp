@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <utility>
 
 #include "treemarch/improve/flips.h"
 
@@ -14,7 +13,7 @@ constexpr double kRise = 0.01;  // degrees: less is no progress
 }  // namespace
 
 template <int Dim>
-std::int64_t Remesher<Dim>::pass(double target, const std::function<bool()>& stop) {
+std::vector<CellId> Remesher<Dim>::bad_cells(double target) const {
   std::vector<CellId> cells;
   for (const VertexId v : patch_.chosen()) {
     const auto star = patch_.star(v);
@@ -22,16 +21,44 @@ std::int64_t Remesher<Dim>::pass(double target, const std::function<bool()>& sto
   }
   std::ranges::sort(cells);
   cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
-  std::vector<std::pair<double, CellId>> bad;
-  for (const CellId c : cells)
-    if (const double q = quality_of_cell(c); q < target) bad.push_back({q, c});
-  std::ranges::sort(bad);
+  const QualityBound bound(target);
+  std::erase_if(cells, [&](CellId c) { return meets(patch_.angles(patch_.cell(c)), bound); });
+  std::ranges::stable_sort(cells, {}, [&](CellId c) { return quality_of_cell(c); });
+  return cells;
+}
+
+template <int Dim>
+std::int64_t Remesher<Dim>::pass(double target, const std::function<bool()>& stop) {
   std::int64_t improved = 0;
-  for (const auto& [q, c] : bad) {
+  ++pass_;
+  for (const CellId c : bad_cells(target)) {
     if (stop()) break;
-    if (patch_.alive(c) && quality_of_cell(c) < target) improved += improve_cell(c);
+    if (!patch_.alive(c) || quality_of_cell(c) >= target || !worth_trying(c)) continue;
+    const SimplexVertices<Dim> corners = patch_.cell(c);
+    if (!improve_cell(c)) continue;
+    ++improved;
+    for (const VertexId v : corners) touch(v);
   }
   return improved;
+}
+
+/// Notes a change near v.
+template <int Dim>
+void Remesher<Dim>::touch(VertexId v) {
+  touched_.resize(patch_.chosen().size(), 0);
+  if (!patch_.has_star(v)) return;
+  for (const CellId c : patch_.star(v))
+    for (const VertexId w : patch_.cell(c))
+      if (patch_.has_star(w)) touched_[patch_.slot(w)] = pass_;
+}
+
+/// Whether anything has changed around a cell since the last pass tried it in vain.
+template <int Dim>
+bool Remesher<Dim>::worth_trying(CellId c) const {
+  return pass_ == 1 || std::ranges::any_of(patch_.cell(c), [&](VertexId v) {
+           const auto s = patch_.slot(v);
+           return s >= static_cast<std::int64_t>(touched_.size()) || (s >= 0 && touched_[s] + 1 >= pass_);
+         });
 }
 
 template <int Dim>

@@ -23,7 +23,9 @@ class Remesher {
            const MoveLimits& limits, ImproveReport& report)
       : patch_(patch), start_(std::move(start)), field_(field), box_(box), limits_(limits), report_(report) {}
 
-  /// One pass over the cells of the patch below `target`. Stops early once stop() is true.
+  /// Cells of the patch below `target`, worst first.
+  [[nodiscard]] std::vector<CellId> bad_cells(double target) const;
+  /// One pass over them. Stops early once stop() is true.
   /// \return how many of them were improved.
   std::int64_t pass(double target, const std::function<bool()>& stop);
   /// First positions, with those of vertices that were added.
@@ -42,12 +44,17 @@ class Remesher {
   template <class Change>
   bool attempt(CellId c, Change&& change);
 
+  void touch(VertexId v);
+  [[nodiscard]] bool worth_trying(CellId c) const;
+
   Patch<Dim>& patch_;
   std::vector<Vec<Dim>> start_;
   const Field<Dim>& field_;
   Vec<Dim> box_;
   MoveLimits limits_;
   ImproveReport& report_;
+  int pass_ = 0;
+  std::vector<int> touched_;  // of every chosen vertex: the last pass that changed its star
 };
 
 }  // namespace treemarch

@@ -1,0 +1,66 @@
+#include "treemarch/improve/vertex_mover.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "improve/improve_meshes.h"
+#include "treemarch/improve/stratum.h"
+
+namespace treemarch {
+namespace {
+
+template <int Dim>
+void check_moves(const LabelImage<Dim>& image) {
+  auto cut = testing::cut_image(image);
+  std::vector<VertexId> all(cut.mesh.points.size());
+  for (VertexId v = 0; v < all.size(); ++v) all[v] = v;
+  Execution execution(2);
+  Patch<Dim> patch(cut.mesh, all, execution);
+  const MoveLimits limits{0.3, 0.1, 60};
+  int moved[4] = {};
+  for (const VertexId v : all) {
+    const Vec<Dim> start = patch.point(v);
+    const Stratum stratum = stratum_of(patch, v, cut.box, cut.field);
+    EXPECT_FALSE(stratum.open);
+    EXPECT_EQ(stratum.fixed_axes, box_axes(start, cut.box));
+    const Constraint<Dim> constraint(cut.field, stratum, start);
+    for (const bool loose : {false, true}) {
+      const double before = star_quality(patch, v);
+      Vec<Dim> x;
+      if (!find_better_place(patch, v, cut.field, cut.box, limits, loose, start, x)) continue;
+      for (int d = 0; d < Dim; ++d)
+        if (stratum.fixed_axes >> d & 1) {
+          EXPECT_EQ(x[d], start[d]);
+        }
+      EXPECT_LE(norm(x - start), limits.displacement);
+      if (stratum.count > 1 && constraint.known()) {
+        EXPECT_LE(norm(constraint.to_stratum(x)), std::max(norm(constraint.to_stratum(start)), limits.slack) + 1e-6);
+      }
+      if (stratum.count > 1 && !constraint.known()) {
+        EXPECT_LE(norm(x - start), limits.slack);
+      }
+      patch.move(v, x);
+      EXPECT_GT(star_quality(patch, v), before);
+      patch.move(v, start);
+      ++moved[std::min(stratum.count, 4) - 1];
+    }
+  }
+  EXPECT_GT(moved[0], 10);
+  EXPECT_GT(moved[1], 10);
+  EXPECT_GT(moved[2], 1);
+}
+
+TEST(FindBetterPlace, RaisesTheWorstWithinTheStratum2D) { check_moves(testing::mixed_image<2>({20, 17}, 4, 0.05, 1)); }
+TEST(FindBetterPlace, RaisesTheWorstWithinTheStratum3D) { check_moves(testing::mixed_image<3>({8, 8, 7}, 4, 0.02, 2)); }
+
+TEST(Stratum, KeepsMaterialsAscendingAndOnce) {
+  Stratum s;
+  for (const MaterialId m : {5U, 1U, 5U, 9U, 1U, 0U}) s.add(m);
+  EXPECT_EQ(std::vector<MaterialId>(s.materials().begin(), s.materials().end()), (std::vector<MaterialId>{0, 1, 5, 9}));
+  for (MaterialId m = 20; m < 40; ++m) s.add(m);
+  EXPECT_EQ(s.count, Stratum::kMost);
+}
+
+}  // namespace
+}  // namespace treemarch
