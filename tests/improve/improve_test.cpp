@@ -84,7 +84,7 @@ void check(const Case& c) {
   for (std::size_t m = 0; m < volume_after.size(); ++m) {
     if (volume_before[m] == 0) continue;
     EXPECT_GT(volume_after[m], 0);
-    EXPECT_NEAR(volume_after[m], volume_before[m], 0.02 * volume_before[m] + 0.5) << "material " << m;
+    EXPECT_NEAR(volume_after[m], volume_before[m], 0.05 * volume_before[m] + 0.5) << "material " << m;
   }
   // Threads change no bit.
   for (const int threads : {1, 7}) {

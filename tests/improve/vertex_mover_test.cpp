@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "improve/improve_meshes.h"
@@ -53,6 +54,32 @@ void check_moves(const LabelImage<Dim>& image) {
 
 TEST(FindBetterPlace, RaisesTheWorstWithinTheStratum2D) { check_moves(testing::mixed_image<2>({20, 17}, 4, 0.05, 1)); }
 TEST(FindBetterPlace, RaisesTheWorstWithinTheStratum3D) { check_moves(testing::mixed_image<3>({8, 8, 7}, 4, 0.02, 2)); }
+
+TEST(FindNearerPlace, NeverAtThePriceOfTheGoal) {
+  auto cut = testing::cut_image(testing::mixed_image<3>({9, 9, 9}, 4, 0.05, 3));
+  std::vector<VertexId> all(cut.mesh.points.size());
+  for (VertexId v = 0; v < all.size(); ++v) all[v] = v;
+  Execution execution(2);
+  Patch<3> patch(cut.mesh, all, execution);
+  const MoveLimits limits{0.5, 0.01, 20};
+  int moved = 0;
+  for (const VertexId v : all) {
+    const Vec<3> here = patch.point(v);
+    const double before = star_quality(patch, v);
+    const Stratum stratum = stratum_of(patch, v, cut.box, cut.field);
+    const Constraint<3> constraint(cut.field, stratum, here);
+    Vec<3> x;
+    if (!find_nearer_place(patch, v, cut.field, cut.box, limits, here, x)) continue;
+    EXPECT_GE(stratum.count, 2);
+    EXPECT_LT(norm(constraint.to_stratum(x)), norm(constraint.to_stratum(here)));
+    EXPECT_LE(norm(x - here), limits.displacement);
+    patch.move(v, x);
+    EXPECT_EQ(box_axes(x, cut.box) & stratum.fixed_axes, stratum.fixed_axes);
+    EXPECT_GE(star_quality(patch, v), std::min(before, limits.goal) - 1e-6);
+    ++moved;
+  }
+  EXPECT_GT(moved, 5);
+}
 
 TEST(Stratum, KeepsMaterialsAscendingAndOnce) {
   Stratum s;

@@ -9,6 +9,7 @@
 
 #include "treemarch/core/error.h"
 #include "treemarch/core/parallel.h"
+#include "treemarch/improve/off_surface.h"
 #include "treemarch/improve/patch.h"
 #include "treemarch/improve/remesh.h"
 #include "treemarch/improve/stratum.h"
@@ -22,7 +23,9 @@ constexpr double kMargin = 0.01;   // degrees: cells are listed up to this above
 constexpr double kHeadroom = 0.5;  // degrees above the target at which a vertex is left alone
 constexpr double kSlack = 0.1;     // of a voxel: how far a vertex may leave its interface
 constexpr int kSweeps = 8;
-constexpr int kWidths = 3;  // neighbourhoods that are tried, each a ring wider
+constexpr int kPulls = 2;
+constexpr float kOffSurface = 0.01F;  // difference of weights
+constexpr int kWidths = 3;            // neighbourhoods that are tried, each a ring wider
 
 /// Bits without a pattern, so that vertices which come first are spread over the mesh.
 std::uint64_t scramble(std::uint64_t x) {
@@ -87,6 +90,7 @@ class Improver {
       report_.worst_after = std::min(report_.worst_after, q);
     }
     compact(mesh_, std::move(removed_), execution_);
+    if (options_.pull && !field_.linear_along_edges() && !late()) pull();
     return report_;
   }
 
@@ -104,8 +108,10 @@ class Improver {
   std::vector<VertexId> corners(const std::vector<CellId>& cells) const;
   std::vector<VertexId> with_neighbours(const Patch<Dim>& patch) const;
   std::vector<VertexId> move_vertices();
-  std::int64_t sweep(Patch<Dim>& patch, const std::vector<Vec<Dim>>& start, const std::vector<VertexId>& candidates);
+  template <class FindPlace>
+  std::int64_t sweep(Patch<Dim>& patch, const std::vector<VertexId>& candidates, FindPlace&& find_place);
   void remesh(std::vector<VertexId> around);
+  void pull();
   Vec<Dim> start_of(VertexId v) const {
     const auto at = std::ranges::lower_bound(start_, v, {}, &std::pair<VertexId, Vec<Dim>>::first);
     return at != start_.end() && at->first == v ? at->second : mesh_.points[v];
@@ -179,8 +185,8 @@ void Improver<Dim>::remember(const std::vector<VertexId>& vertices, const std::v
 /// Moves each candidate once, neighbours never at the same time: a vertex moves when its hash is the smallest among
 /// the candidates around it that have not had their turn.
 template <int Dim>
-std::int64_t Improver<Dim>::sweep(Patch<Dim>& patch, const std::vector<Vec<Dim>>& start,
-                                  const std::vector<VertexId>& candidates) {
+template <class FindPlace>
+std::int64_t Improver<Dim>::sweep(Patch<Dim>& patch, const std::vector<VertexId>& candidates, FindPlace&& find_place) {
   std::vector<std::uint64_t> turn(patch.chosen().size(), 0);  // 0: no candidate, or done
   for (const VertexId v : candidates) turn[patch.slot(v)] = scramble(v) | 1;
   const auto first = [&](VertexId v, VertexId w) {
@@ -203,7 +209,7 @@ std::int64_t Improver<Dim>::sweep(Patch<Dim>& patch, const std::vector<Vec<Dim>>
       const VertexId v = waiting[i];
       if (state[i] == 0) return;
       Vec<Dim> x;
-      if (!find_better_place(patch, v, field_, box_, limits_, false, start[patch.slot(v)], x)) return;
+      if (!find_place(v, x)) return;
       patch.move(v, x);
       state[i] = 2;
     });
@@ -244,7 +250,9 @@ std::vector<VertexId> Improver<Dim>::move_vertices() {
   std::vector<VertexId> candidates = patch.chosen();
   const QualityBound list(options_.quality + kMargin);
   for (int round = 0; round < kSweeps && !left_.empty() && !late(); ++round) {
-    const std::int64_t moved = sweep(patch, start, candidates);
+    const std::int64_t moved = sweep(patch, candidates, [&](VertexId v, Vec<Dim>& x) {
+      return find_better_place(patch, v, field_, box_, limits_, false, start[patch.slot(v)], x);
+    });
     report_.moves += moved;
     if (moved == 0) break;
     // What is bad now was bad before or lies around a vertex that has moved.
@@ -294,6 +302,21 @@ void Improver<Dim>::remesh(std::vector<VertexId> around) {
     around = with_neighbours(patch);
     if (report_.stopped != ImproveStop::no_progress) break;
   }
+}
+
+/// Brings vertices back to their interface, never at the price of the target.
+template <int Dim>
+void Improver<Dim>::pull() {
+  Patch<Dim> patch(mesh_, off_surface_vertices(mesh_, field_, kOffSurface, execution_), execution_);
+  std::vector<Vec<Dim>> start;
+  for (const VertexId v : patch.chosen()) start.push_back(patch.point(v));
+  MoveLimits limits = limits_;
+  limits.goal = options_.quality + kMargin;
+  limits.slack *= 0.1;
+  for (int round = 0; round < kPulls; ++round)
+    report_.pulls += sweep(patch, patch.chosen(), [&](VertexId v, Vec<Dim>& x) {
+      return find_nearer_place(patch, v, field_, box_, limits, start[patch.slot(v)], x);
+    });
 }
 
 }  // namespace

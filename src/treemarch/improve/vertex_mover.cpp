@@ -189,6 +189,30 @@ bool find_better_place(const Patch<Dim>& patch, VertexId v, const Field<Dim>& fi
 }
 
 template <int Dim>
+bool find_nearer_place(const Patch<Dim>& patch, VertexId v, const Field<Dim>& field, const Vec<Dim>& box,
+                       const MoveLimits& limits, const Vec<Dim>& start, Vec<Dim>& x) {
+  const Vec<Dim> here = patch.point(v);
+  const Stratum stratum = stratum_of(patch, v, box, field);
+  const Constraint<Dim> constraint(field, stratum, here);
+  if (stratum.count < 2 || !constraint.known()) return false;
+  Vec<Dim> move = constraint.to_stratum(here);
+  const double offset = norm(move);
+  // A field is not linear over more than about a voxel.
+  if (offset <= limits.slack || offset > 2 * limits.displacement) return false;
+  const Vec<Dim> rest = constraint.to_stratum(here + move);
+  if (norm(rest) < 0.5 * offset) move = move + rest;
+  const StarShape<Dim> shape(patch, v);
+  const QualityBound bound(std::min(limits.goal, shape.quality_at(here) - 1e-9));
+  for (const double part : {1.0, 0.5, 0.25}) {
+    x = here + part * move;
+    if (squared_norm(x - start) <= limits.displacement * limits.displacement && shape.all_meet(x, bound) &&
+        norm(constraint.to_stratum(x)) < offset)
+      return true;
+  }
+  return false;
+}
+
+template <int Dim>
 double star_quality(const Patch<Dim>& patch, VertexId v) {
   AngleRange all;
   for (const CellId c : patch.star(v)) all.merge(patch.angles(patch.cell(c)));
@@ -198,6 +222,10 @@ double star_quality(const Patch<Dim>& patch, VertexId v) {
 template bool find_better_place(const Patch<2>&, VertexId, const Field<2>&, const Vec<2>&, const MoveLimits&, bool,
                                 const Vec<2>&, Vec<2>&);
 template bool find_better_place(const Patch<3>&, VertexId, const Field<3>&, const Vec<3>&, const MoveLimits&, bool,
+                                const Vec<3>&, Vec<3>&);
+template bool find_nearer_place(const Patch<2>&, VertexId, const Field<2>&, const Vec<2>&, const MoveLimits&,
+                                const Vec<2>&, Vec<2>&);
+template bool find_nearer_place(const Patch<3>&, VertexId, const Field<3>&, const Vec<3>&, const MoveLimits&,
                                 const Vec<3>&, Vec<3>&);
 template double star_quality(const Patch<2>&, VertexId);
 template double star_quality(const Patch<3>&, VertexId);

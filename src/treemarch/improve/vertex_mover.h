@@ -25,6 +25,13 @@ template <int Dim>
 bool find_better_place(const Patch<Dim>& patch, VertexId v, const Field<Dim>& field, const Vec<Dim>& box,
                        const MoveLimits& limits, bool loose, const Vec<Dim>& start, Vec<Dim>& x);
 
+/// Finds a place for v nearer to its stratum: all the way, or a half or a quarter of it, as far as every cell around v
+/// reaches limits.goal (or what the worst of them has now). Places within limits.slack are left alone.
+/// \return whether there is one, in `x`. \pre patch.has_star(v)
+template <int Dim>
+bool find_nearer_place(const Patch<Dim>& patch, VertexId v, const Field<Dim>& field, const Vec<Dim>& box,
+                       const MoveLimits& limits, const Vec<Dim>& start, Vec<Dim>& x);
+
 /// Smallest quality of the cells around v, in degrees; -1 if one is inverted.
 template <int Dim>
 double star_quality(const Patch<Dim>& patch, VertexId v);
