@@ -6,6 +6,7 @@
 #include <set>
 
 #include "improve/improve_meshes.h"
+#include "treemarch/core/parallel.h"
 
 namespace treemarch {
 namespace {
@@ -28,7 +29,11 @@ void check_vertices() {
   ASSERT_FALSE(expected.empty());
   for (const int threads : {1, 2, 7}) {
     const Execution execution(threads);
-    EXPECT_EQ(off_surface_vertices(cut.mesh, cut.field, 0.05F, execution), expected);
+    MaterialsAround materials(cut.mesh.points.size());
+    parallel_for(execution, block.size(), 16, [&](std::int64_t c) {
+      for (int k = 0; k <= Dim; ++k) materials.add(block.cell(c)[k], block.materials[c]);
+    });
+    EXPECT_EQ(off_surface_vertices(cut.mesh.points, materials, cut.field, 0.05F, execution), expected);
   }
 }
 

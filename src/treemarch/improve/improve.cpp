@@ -4,6 +4,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <iterator>
 #include <utility>
 #include <vector>
 
@@ -77,12 +78,16 @@ class Improver {
   }
 
   ImproveReport run() {
-    const Scan scan = scan_cells();
+    MaterialsAround around(options_.pull ? mesh_.points.size() : 0);
+    const Scan scan = scan_cells(around);
     report_.below_before = scan.below;
     report_.worst_before = scan.worst;
     report_.stopped = ImproveStop::target_met;
     left_ = scan.bad;
-    if (!left_.empty()) remesh(move_vertices());
+    std::vector<VertexId> off;
+    if (options_.pull && !field_.linear_along_edges())
+      off = off_surface_vertices(mesh_.points, around, field_, kOffSurface, execution_);
+    remesh(move_vertices(off));
     report_.worst_after = options_.quality;
     for (const CellId c : left_) {
       const double q = quality_of_cell(c);
@@ -90,12 +95,11 @@ class Improver {
       report_.worst_after = std::min(report_.worst_after, q);
     }
     compact(mesh_, std::move(removed_), execution_);
-    if (options_.pull && !field_.linear_along_edges() && !late()) pull();
     return report_;
   }
 
  private:
-  Scan scan_cells() const;
+  Scan scan_cells(MaterialsAround& around) const;
   [[nodiscard]] bool late() const {
     return options_.seconds > 0 &&
            std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count() > options_.seconds;
@@ -107,11 +111,12 @@ class Improver {
   }
   std::vector<VertexId> corners(const std::vector<CellId>& cells) const;
   std::vector<VertexId> with_neighbours(const Patch<Dim>& patch) const;
-  std::vector<VertexId> move_vertices();
+  std::vector<VertexId> move_vertices(const std::vector<VertexId>& off);
+  void lift(Patch<Dim>& patch, const std::vector<Vec<Dim>>& start);
   template <class FindPlace>
   std::int64_t sweep(Patch<Dim>& patch, const std::vector<VertexId>& candidates, FindPlace&& find_place);
   void remesh(std::vector<VertexId> around);
-  void pull();
+  void pull(Patch<Dim>& patch, const std::vector<Vec<Dim>>& start, const std::vector<VertexId>& off);
   Vec<Dim> start_of(VertexId v) const {
     const auto at = std::ranges::lower_bound(start_, v, {}, &std::pair<VertexId, Vec<Dim>>::first);
     return at != start_.end() && at->first == v ? at->second : mesh_.points[v];
@@ -132,7 +137,7 @@ class Improver {
 };
 
 template <int Dim>
-Scan Improver<Dim>::scan_cells() const {
+Scan Improver<Dim>::scan_cells(MaterialsAround& around) const {
   const std::int64_t cells = mesh_.blocks[0].size();
   // A little more than the margin, so that rounding does not matter.
   const QualityBound list(options_.quality + 2 * kMargin);
@@ -144,6 +149,8 @@ Scan Improver<Dim>::scan_cells() const {
       std::array<Vec<Dim>, Dim + 1> p;
       for (int k = 0; k <= Dim; ++k) p[k] = mesh_.points[v[k]];
       if (!surely_meets(p, high2, low2)) part[b].push_back(static_cast<CellId>(c));
+      if (around.size() == 0) continue;
+      for (int k = 0; k <= Dim; ++k) around.add(v[k], mesh_.blocks[0].materials[c]);
     }
   });
   Scan scan;
@@ -241,13 +248,25 @@ std::vector<VertexId> Improver<Dim>::with_neighbours(const Patch<Dim>& patch) co
   return all;
 }
 
-/// Sweeps over the corners of the bad cells. \return the vertices that remesh() needs.
+/// Moves the corners of the bad cells and the vertices that are off their interface. \return the vertices that remesh()
+/// needs.
 template <int Dim>
-std::vector<VertexId> Improver<Dim>::move_vertices() {
-  Patch<Dim> patch(mesh_, corners(left_), execution_);
+std::vector<VertexId> Improver<Dim>::move_vertices(const std::vector<VertexId>& off) {
+  std::vector<VertexId> chosen = corners(left_), all;
+  std::ranges::set_union(chosen, off, std::back_inserter(all));
+  Patch<Dim> patch(mesh_, std::move(all), execution_);
   std::vector<Vec<Dim>> start(patch.chosen().size());
   for (std::size_t s = 0; s < start.size(); ++s) start[s] = patch.point(patch.chosen()[s]);
-  std::vector<VertexId> candidates = patch.chosen();
+  lift(patch, start);
+  pull(patch, start, off);
+  remember(patch.chosen(), start);
+  return with_neighbours(patch);
+}
+
+/// Sweeps over the corners of the bad cells.
+template <int Dim>
+void Improver<Dim>::lift(Patch<Dim>& patch, const std::vector<Vec<Dim>>& start) {
+  std::vector<VertexId> candidates = corners(left_);
   const QualityBound list(options_.quality + kMargin);
   for (int round = 0; round < kSweeps && !left_.empty() && !late(); ++round) {
     const std::int64_t moved = sweep(patch, candidates, [&](VertexId v, Vec<Dim>& x) {
@@ -272,8 +291,6 @@ std::vector<VertexId> Improver<Dim>::move_vertices() {
     candidates = corners(left_);
     std::erase_if(candidates, [&](VertexId v) { return !patch.has_star(v); });
   }
-  remember(patch.chosen(), start);
-  return with_neighbours(patch);
 }
 
 /// Changes the connectivity around the bad cells, over wider and wider neighbourhoods.
@@ -306,15 +323,12 @@ void Improver<Dim>::remesh(std::vector<VertexId> around) {
 
 /// Brings vertices back to their interface, never at the price of the target.
 template <int Dim>
-void Improver<Dim>::pull() {
-  Patch<Dim> patch(mesh_, off_surface_vertices(mesh_, field_, kOffSurface, execution_), execution_);
-  std::vector<Vec<Dim>> start;
-  for (const VertexId v : patch.chosen()) start.push_back(patch.point(v));
+void Improver<Dim>::pull(Patch<Dim>& patch, const std::vector<Vec<Dim>>& start, const std::vector<VertexId>& off) {
   MoveLimits limits = limits_;
   limits.goal = options_.quality + kMargin;
   limits.slack *= 0.1;
-  for (int round = 0; round < kPulls; ++round)
-    report_.pulls += sweep(patch, patch.chosen(), [&](VertexId v, Vec<Dim>& x) {
+  for (int round = 0; round < kPulls && !off.empty() && !late(); ++round)
+    report_.pulls += sweep(patch, off, [&](VertexId v, Vec<Dim>& x) {
       return find_nearer_place(patch, v, field_, box_, limits, start[patch.slot(v)], x);
     });
 }

@@ -2,6 +2,8 @@
 /// Finds the vertices that the cut had to leave beside their interface.
 #pragma once
 
+#include <atomic>
+#include <cstdint>
 #include <vector>
 
 #include "treemarch/core/execution.h"
@@ -10,11 +12,29 @@
 
 namespace treemarch {
 
+/// The material of the cells around each vertex, or that there are several. Cells may be added from many threads: the
+/// result does not depend on their order.
+class MaterialsAround {
+ public:
+  explicit MaterialsAround(std::size_t vertices) : material_(vertices, kNone) {}
+  void add(VertexId v, MaterialId m) {
+    const std::atomic_ref<MaterialId> at(material_[v]);
+    MaterialId seen = at.load(std::memory_order_relaxed);
+    while (seen != m && seen != kSeveral)
+      if (at.compare_exchange_weak(seen, seen == kNone ? m : kSeveral, std::memory_order_relaxed)) break;
+  }
+  [[nodiscard]] bool several(VertexId v) const { return material_[v] == kSeveral; }
+  [[nodiscard]] std::int64_t size() const { return static_cast<std::int64_t>(material_.size()); }
+
+ private:
+  static constexpr MaterialId kNone = kOutside, kSeveral = kOutside - 1;
+  std::vector<MaterialId> material_;
+};
+
 /// Vertices between two or more materials where the two largest weights of the field differ by more than `tolerance`,
 /// ascending. A weight changes by 0.5 to 1 over a voxel across an interface.
-/// \pre the mesh has one block, of simplices.
 template <int Dim>
-std::vector<VertexId> off_surface_vertices(const Mesh<Dim>& mesh, const Field<Dim>& field, float tolerance,
-                                           const Execution& execution);
+std::vector<VertexId> off_surface_vertices(const std::vector<Vec<Dim>>& points, const MaterialsAround& around,
+                                           const Field<Dim>& field, float tolerance, const Execution& execution);
 
 }  // namespace treemarch

@@ -202,7 +202,7 @@ bool find_nearer_place(const Patch<Dim>& patch, VertexId v, const Field<Dim>& fi
   const Vec<Dim> rest = constraint.to_stratum(here + move);
   if (norm(rest) < 0.5 * offset) move = move + rest;
   const StarShape<Dim> shape(patch, v);
-  const QualityBound bound(std::min(limits.goal, shape.quality_at(here) - 1e-9));
+  const QualityBound bound(limits.goal);
   for (const double part : {1.0, 0.5, 0.25}) {
     x = here + part * move;
     if (squared_norm(x - start) <= limits.displacement * limits.displacement && shape.all_meet(x, bound) &&

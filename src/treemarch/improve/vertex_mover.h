@@ -26,7 +26,7 @@ bool find_better_place(const Patch<Dim>& patch, VertexId v, const Field<Dim>& fi
                        const MoveLimits& limits, bool loose, const Vec<Dim>& start, Vec<Dim>& x);
 
 /// Finds a place for v nearer to its stratum: all the way, or a half or a quarter of it, as far as every cell around v
-/// reaches limits.goal (or what the worst of them has now). Places within limits.slack are left alone.
+/// reaches limits.goal. Places within limits.slack are left alone.
 /// \return whether there is one, in `x`. \pre patch.has_star(v)
 template <int Dim>
 bool find_nearer_place(const Patch<Dim>& patch, VertexId v, const Field<Dim>& field, const Vec<Dim>& box,
