@@ -37,7 +37,7 @@ std::uint64_t scramble(std::uint64_t x) {
 
 /// Whether no angle is beyond the bounds, without a root or a quotient; rounding may decide at the bound.
 /// \pre both cosines of the bound are those of an angle below 90 degrees (of 180 - the largest angle).
-bool surely_meets(const std::array<Vec<3>, 4>& p, double high2, double low2) {
+[[gnu::always_inline]] inline bool surely_meets(const std::array<Vec<3>, 4>& p, double high2, double low2) {
   const Vec<3> a = p[1] - p[0], b = p[2] - p[0], c = p[3] - p[0];
   const Vec<3> n1 = cross(b, c), n2 = cross(c, a), n3 = cross(a, b);
   const Vec<3> n0{-n1[0] - n2[0] - n3[0], -n1[1] - n2[1] - n3[1], -n1[2] - n2[2] - n3[2]};
@@ -50,7 +50,7 @@ bool surely_meets(const std::array<Vec<3>, 4>& p, double high2, double low2) {
          within(n0, n3, s0 * s3) & within(n1, n2, s1 * s2) & within(n1, n3, s1 * s3) & within(n2, n3, s2 * s3);
 }
 
-bool surely_meets(const std::array<Vec<2>, 3>& p, double high2, double low2) {
+[[gnu::always_inline]] inline bool surely_meets(const std::array<Vec<2>, 3>& p, double high2, double low2) {
   const Vec<2> u = p[1] - p[0], v = p[2] - p[0], w = p[2] - p[1];
   const double uu = dot(u, u), vv = dot(v, v), ww = dot(w, w);
   const auto within = [&](double d, double s) { return d * std::abs(d) <= high2 * s && -d * std::abs(d) <= low2 * s; };
