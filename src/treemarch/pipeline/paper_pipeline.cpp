@@ -1,4 +1,7 @@
 #include <algorithm>
+#include <functional>
+#include <numeric>
+#include <vector>
 
 #include "treemarch/core/error.h"
 #include "treemarch/march/paper_march.h"
@@ -15,9 +18,23 @@ namespace {
 
 constexpr int kPaperSmoothingSteps = 5;
 
+/// Materials by the number of their voxels, the smallest last: an order that a mirrored image shares.
+template <int Dim>
+std::vector<MaterialId> by_voxels(const LabelImage<Dim>& image) {
+  std::vector<std::int64_t> voxels(image.labels.size());
+  image.voxels.visit([&](const auto* v) {
+    for (std::int64_t i = 0; i < image.voxels.size(); ++i) ++voxels[v[i]];
+  });
+  std::vector<MaterialId> order(image.labels.size());
+  std::iota(order.begin(), order.end(), 0U);
+  std::ranges::stable_sort(order, std::greater<>(), [&](MaterialId m) { return voxels[m]; });
+  return order;
+}
+
 template <int Dim>
 PaperMarchOptions<Dim> march_options(const LabelImage<Dim>& image, const MeshOptions& options) {
   PaperMarchOptions<Dim> march;
+  march.order = by_voxels(image);
   if (options.snap) march.snap = *options.snap;
   switch (options.field.value_or(FieldKind::solid_angle)) {
     case FieldKind::solid_angle:
