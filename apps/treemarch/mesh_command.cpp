@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <sstream>
 
 #include "commands.h"
@@ -60,6 +61,7 @@ Report make_report(const MeshCommandOptions& options, const std::vector<std::pai
   report.options = given;
   describe_mesh(result.mesh, report);
   report.mesh_seconds = result.seconds;
+  report.guarantee = result.guarantee;
   {
     const Execution::Stage stage(execution, "measure");
     report.quality = measure_quality(result.mesh, image.frame, kWorstCells, execution);
@@ -99,15 +101,47 @@ void publish(const MeshCommandOptions& options, const Report& report) {
     std::fputs(to_text(report).c_str(), stdout);
 }
 
+/// The grey image that ends the foreground: the one given beside the labels, else the image itself where it was
+/// thresholded.
+template <int Dim>
+std::optional<GreyInput<Dim>> read_grey(const MeshCommandOptions& options, Execution& execution) {
+  const MeshTextOptions& mesh = options.mesh;
+  const bool other_field = mesh.field && *mesh.field != FieldKind::grey;
+  if (!mesh.grey.empty()) {
+    if (!options.reading.threshold)
+      throw Error(ErrorKind::usage, "--grey: needs --threshold, the value at the surface");
+    if (!options.prepare.roi.empty()) throw Error(ErrorKind::usage, "--grey: cannot be combined with --roi");
+    if (other_field) throw Error(ErrorKind::usage, "--grey: is used by --field grey only; leave one of them out");
+  } else if (!options.reading.threshold || mesh.method == Method::paper || other_field || mesh.closed_border ||
+             !options.prepare.roi.empty()) {
+    return {};
+  }
+  ReadOptions how;
+  how.volume = options.reading.volume;
+  const std::string& path = mesh.grey.empty() ? options.image : mesh.grey;
+  AnyGreyImage grey = read_grey_image(path, how, execution);
+  auto* image = std::get_if<GreyImage<Dim>>(&grey);
+  if (!image) throw Error(ErrorKind::input, path + ": has another dimension than " + options.image);
+  return GreyInput<Dim>{std::move(*image), *options.reading.threshold};
+}
+
+/// With --grey the image holds labels and the threshold is that of the grey image.
+ImageOptions label_options(const MeshCommandOptions& options) {
+  ImageOptions reading = options.reading;
+  if (!options.mesh.grey.empty()) reading.threshold.reset();
+  return reading;
+}
+
 void run(const MeshCommandOptions& options, const std::vector<std::pair<std::string, std::string>>& given) {
   check_outputs(options);
   Execution execution(options.threads);
   Terminal terminal(execution, options.quiet);
-  with_image(options.image, options.reading, execution, [&]<int Dim>(LabelImage<Dim> read) {
+  with_image(options.image, label_options(options), execution, [&]<int Dim>(LabelImage<Dim> read) {
     const LabelImage<Dim> image = prepare_image(std::move(read), options.prepare, execution);
     MeshOptions mesh_options = resolve(options.mesh, image);
     mesh_options.background = options.prepare.background;
-    const MeshResult<Dim> result = mesh_image(image, mesh_options, execution);
+    const std::optional<GreyInput<Dim>> grey = read_grey<Dim>(options, execution);
+    const MeshResult<Dim> result = mesh_image(image, mesh_options, execution, grey ? &*grey : nullptr);
     if (result.mesh.cell_count() == 0)
       throw Error(ErrorKind::limits, options.image + ": the mesh has no cells; choose a smaller --min-size");
     Report report = make_report(options, given, image, result, execution);

@@ -22,7 +22,8 @@ void add_mesh_options(CLI::App& mesh, MeshTextOptions& o) {
   add_choice<Method>(mesh, "--method", o.method, {{"paper", Method::paper}, {"guaranteed", Method::guaranteed}},
                      "How the image is meshed")
       ->default_str(o.method == Method::paper ? "paper" : "guaranteed");
-  mesh.add_option("--min-size", o.min_size, "Smallest cells: 2mm, 2um, 2vox, a bare number is mm; default 1vox");
+  mesh.add_option("--min-size", o.min_size,
+                  "Smallest cells: 2mm, 2um, 2vox, a bare number is mm; by default as the structures of the image ask");
   mesh.add_option("--max-size", o.max_size, "Largest cells; default by the method");
   add_list(mesh, "--size", o.sizes, "LABEL=S: largest cells in a label");
   add_list(mesh, "--interface", o.interfaces, "A:B=S: size of cells between two labels");
@@ -36,8 +37,20 @@ void add_mesh_options(CLI::App& mesh, MeshTextOptions& o) {
                          {"linear", FieldKind::linear},
                          {"bspline3", FieldKind::bspline3},
                          {"gauss", FieldKind::gauss},
-                         {"dgf", FieldKind::dgf}},
+                         {"dgf", FieldKind::dgf},
+                         {"grey", FieldKind::grey}},
                         "Separating function; default by the method");
+  mesh.add_option("--sigma", o.sigma, "Smoothing of the fields gauss and dgf, in voxels along each axis")
+      ->capture_default_str();
+  mesh.add_option("--grey", o.grey, "Grey image beside the labels: the foreground ends where it meets --threshold");
+  mesh.add_option("--quality", o.quality,
+                  "Improve elements below this angle in degrees; 0 leaves them as they were cut")
+      ->capture_default_str();
+  mesh.add_option("--quality-floor", o.quality_floor, "No angle below this after the cut, at most 18.4")
+      ->capture_default_str();
+  add_choice<bool>(mesh, "--border", o.closed_border, {{"flat", false}, {"closed", true}},
+                   "How materials end that touch the side of the image: cut off flat, or closed")
+      ->default_str("flat");
   mesh.add_option("--snap", o.snap, "Move vertices onto a surface nearer than this part of an edge, 0 to 0.5");
   mesh.add_option("--smooth", o.smooth, "Smoothing steps; default by the method")->check(CLI::NonNegativeNumber);
   add_choice<bool>(mesh, "--background", o.keep_background, {{"keep", true}, {"drop", false}},
@@ -82,6 +95,10 @@ MeshOptions resolve(const MeshTextOptions& text, const LabelImage<Dim>& image) {
   options.snap = text.snap;
   options.smooth = text.smooth;
   options.keep_background = text.keep_background;
+  options.sigma = text.sigma;
+  options.quality_floor = text.quality_floor;
+  options.quality = text.quality;
+  options.closed_border = text.closed_border;
   return options;
 }
 

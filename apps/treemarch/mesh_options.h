@@ -25,6 +25,10 @@ struct MeshTextOptions {
   std::optional<FieldKind> field;
   std::optional<double> snap;
   std::optional<int> smooth;
+  double sigma = 1;
+  double quality_floor = 18, quality = 20;
+  bool closed_border = false;
+  std::string grey;  ///< file of a grey image beside the labels
   bool keep_background = false;
 };
 

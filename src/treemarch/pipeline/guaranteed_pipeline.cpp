@@ -1,9 +1,15 @@
 #include <algorithm>
+#include <cstdio>
+#include <optional>
+#include <utility>
 
+#include "treemarch/core/error.h"
 #include "treemarch/core/parallel.h"
 #include "treemarch/field/field.h"
+#include "treemarch/improve/improve.h"
 #include "treemarch/march/cut.h"
 #include "treemarch/march/quality_floor.h"
+#include "treemarch/pipeline/drop_material.h"
 #include "treemarch/pipeline/methods.h"
 #include "treemarch/pipeline/prepare.h"
 #include "treemarch/sizing/cubic_lattice.h"
@@ -15,7 +21,8 @@
 namespace treemarch {
 namespace {
 
-constexpr double kQualityFloor = 18;
+constexpr double kFloorWithinStretch = 18;  // proved for every lattice up to kMostStretch
+constexpr int kPadding = 3;                 // voxels around the image for a closed border
 
 /// The sizes of the options, completed by the defaults.
 template <int Dim>
@@ -59,50 +66,113 @@ std::vector<std::uint8_t> leaves_inside(const Spacetree<Dim>& tree, const Field<
   return inside;
 }
 
+/// The image with a layer of background around it, so that nothing else touches its sides.
+template <int Dim>
+LabelImage<Dim> padded(const LabelImage<Dim>& image, std::int32_t background) {
+  Coord<Dim> extent = image.extent;
+  for (int d = 0; d < Dim; ++d) extent[d] += 2 * kPadding;
+  std::vector<std::int32_t> values(static_cast<std::size_t>(product(extent)), background);
+  for (std::int64_t i = 0; i < image.voxels.size(); ++i) {
+    Coord<Dim> c = coord_of(i, image.extent);
+    for (int d = 0; d < Dim; ++d) c[d] += kPadding;
+    values[static_cast<std::size_t>(linear_index(c, extent))] = image.labels[image.voxels[i]];
+  }
+  return make_label_image(extent, values, image.frame);
+}
+
+/// From the padded image back to the given one: its inner frame and its materials.
+template <int Dim>
+void restore_place(Mesh<Dim>& mesh, const LabelImage<Dim>& padded_image, const LabelImage<Dim>& image) {
+  for (Vec<Dim>& p : mesh.points)
+    for (int d = 0; d < Dim; ++d) p[d] -= kPadding * image.frame.spacing[d];
+  std::vector<MaterialId> material(padded_image.labels.size());
+  for (std::size_t m = 0; m < material.size(); ++m) material[m] = material_of(image.labels, padded_image.labels[m]);
+  for (CellBlock& block : mesh.blocks)
+    for (MaterialId& m : block.materials) m = material[m];
+}
+
+template <int Dim>
+Field<Dim> make_field(const LabelImage<Dim>& image, const GreyInput<Dim>* grey, const MeshOptions& options,
+                      Execution& execution) {
+  FieldOptions how;
+  how.kind = options.field.value_or(FieldKind::dgf);
+  how.sigma = options.sigma;
+  how.background = options.background;
+  if (grey && (!options.field || *options.field == FieldKind::grey))
+    return build_grey_field(image, grey->image, grey->threshold, how, execution);
+  if (how.kind == FieldKind::grey)
+    throw Error(ErrorKind::usage, "--field: grey needs a grey image; give --grey and --threshold");
+  return build_field(image, how, execution);
+}
+
+/// The floor in force: as asked, or what is proved for cells of these sides.
+template <int Dim>
+double quality_floor(const Lattice<Dim>& lattice, double asked, Execution& execution) {
+  if (stretch(lattice) <= kMostStretch && asked <= kFloorWithinStretch) return asked;
+  constexpr double kRounding = 1e-6;  // degrees
+  const double proved = guaranteed_quality(lattice.unit) - kRounding;
+  if (asked <= proved) return asked;
+  char text[200];
+  std::snprintf(
+      text, sizeof text,
+      "--min-size: cells of this size fill the box only when stretched by %.3f; angles are at least %.1f degrees "
+      "after the cut, not %.1f; choose smaller cells",
+      stretch(lattice), proved, asked);
+  execution.warn(text);
+  return proved;
+}
+
 }  // namespace
 
 template <int Dim>
-Mesh<Dim> mesh_with_guarantee(const LabelImage<Dim>& image, const MeshOptions& options, Execution& execution) {
-  const auto stage = [&](const char* name) { return Execution::Stage(execution, name); };
+Mesh<Dim> mesh_with_guarantee(const LabelImage<Dim>& given, const GreyInput<Dim>* grey, const MeshOptions& options,
+                              GuaranteeReport& report, Execution& execution) {
+  if (options.closed_border && grey)
+    throw Error(ErrorKind::usage, "--border: cannot be closed with a grey image; pad the image or choose flat");
+  std::optional<LabelImage<Dim>> larger;
+  if (options.closed_border) larger = padded(given, options.background);
+  const LabelImage<Dim>& image = larger ? *larger : given;
+  const MaterialId background = material_of(image.labels, options.background);
+  const bool drop =
+      background != kOutside && (!options.keep_background || material_of(given.labels, options.background) == kOutside);
+
+  std::optional<Execution::Stage> stage;
+  stage.emplace(execution, "tree");
   const SizingRule rule = sizing_rule(image, options, execution);
   const SizedLattice<Dim> sized = choose_cubic_lattice(image, smallest_size(rule), rule.max_size);
-  CutOptions cut;
-  cut.quality_floor = stretch(sized.lattice) <= kMostStretch
-                          ? kQualityFloor
-                          : std::min(kQualityFloor, guaranteed_quality(sized.lattice.unit) - 1e-6);
-  if (cut.quality_floor < kQualityFloor)
-    execution.warn("--min-size: cells of this size fill the box only when stretched; dihedral angles are at least " +
-                   std::to_string(cut.quality_floor) + " degrees after the cut; choose smaller cells for 18");
+  report.quality_floor = quality_floor(sized.lattice, options.quality_floor, execution);
+  Spacetree<Dim> tree =
+      build_spacetree<Dim>(sized.lattice, sized.pattern, required_levels(image, sized, rule, execution), 1, execution);
 
-  Spacetree<Dim> tree;
-  {
-    const auto timed = stage("tree");
-    tree = build_spacetree<Dim>(sized.lattice, sized.pattern, required_levels(image, sized, rule, execution), 1,
-                                execution);
-  }
-  Field<Dim> field;
-  {
-    const auto timed = stage("field");
-    FieldOptions how;
-    if (options.field) how.kind = *options.field;
-    how.background = options.background;
-    field = build_field(image, how, execution);
-  }
-  SimplexLattice<Dim> lattice;
-  {
-    const auto timed = stage("lattice");
-    std::vector<std::uint8_t> skip;
-    const MaterialId background = material_of(image.labels, options.background);
-    if (!options.keep_background && background != kOutside) skip = leaves_inside(tree, field, background, execution);
-    lattice = tessellate_body_centred(tree, skip, execution);
-  }
+  stage.emplace(execution, "field");
+  const Field<Dim> field = make_field(image, grey, options, execution);
+
+  stage.emplace(execution, "lattice");
+  std::vector<std::uint8_t> skip;
+  if (drop) skip = leaves_inside(tree, field, background, execution);
+  SimplexLattice<Dim> lattice = tessellate_body_centred(tree, skip, execution);
   tree = {};
-  const auto timed = stage("cut");
-  CutReport report;
-  return cut_lattice(lattice, field, image.labels, cut, report, execution);
+
+  stage.emplace(execution, "cut");
+  CutOptions cut;
+  cut.quality_floor = report.quality_floor;
+  Mesh<Dim> mesh = cut_lattice(lattice, field, image.labels, cut, report.cut, execution);
+  lattice = {};
+  if (drop) drop_material(mesh, background, execution);
+
+  stage.emplace(execution, "improve");
+  ImproveOptions how;
+  how.quality = options.quality;
+  report.improve = improve(mesh, field, image.size(), how, execution);
+  if (larger) restore_place(mesh, *larger, given);
+  return mesh;
 }
 
-template Mesh<2> mesh_with_guarantee(const LabelImage<2>&, const MeshOptions&, Execution&);
-template Mesh<3> mesh_with_guarantee(const LabelImage<3>&, const MeshOptions&, Execution&);
+#define TREEMARCH_INSTANTIATE(DIM)                                                                          \
+  template Mesh<DIM> mesh_with_guarantee(const LabelImage<DIM>&, const GreyInput<DIM>*, const MeshOptions&, \
+                                         GuaranteeReport&, Execution&);
+TREEMARCH_INSTANTIATE(2)
+TREEMARCH_INSTANTIATE(3)
+#undef TREEMARCH_INSTANTIATE
 
 }  // namespace treemarch

@@ -14,6 +14,8 @@ namespace treemarch {
 
 namespace {
 
+constexpr double kMostQualityFloor = 18.4, kMostQuality = 40;
+
 void check_sizes(const SizingRule& sizes) {
   const auto check = [](double size, const char* option) {
     if (!(size >= 0) || !std::isfinite(size))
@@ -37,29 +39,49 @@ void check_guaranteed(const MeshOptions& options) {
   if (options.snap) refuse("--snap: cannot be chosen");
   if (options.smooth) refuse("--smooth: is not done");
   if (!options.weights.empty()) refuse("--weight: has no meaning");
+  if (!(options.quality_floor >= 0 && options.quality_floor <= kMostQualityFloor))
+    throw Error(ErrorKind::usage, "--quality-floor: must be from 0 to 18.4, the bound that is proved");
+  if (!(options.quality >= 0 && options.quality <= kMostQuality))
+    throw Error(ErrorKind::usage, "--quality: must be from 0 to 40 degrees; 20 to 25 can be reached");
+}
+
+/// What the paper's method does not do.
+template <int Dim>
+void check_paper(const MeshOptions& options, const GreyInput<Dim>* grey) {
+  if (options.closed_border)
+    throw Error(ErrorKind::usage, "--border: cannot be closed with --method paper; choose --method guaranteed");
+  if (grey) throw Error(ErrorKind::usage, "--grey: is not used by --method paper; choose --method guaranteed");
 }
 
 }  // namespace
 
 template <int Dim>
-MeshResult<Dim> mesh_image(const LabelImage<Dim>& image, const MeshOptions& options, Execution& execution) {
+MeshResult<Dim> mesh_image(const LabelImage<Dim>& image, const MeshOptions& options, Execution& execution,
+                           const GreyInput<Dim>* grey) {
   const auto start = std::chrono::steady_clock::now();
   check_sizes(options.sizes);
   (void)parse_pattern<Dim>(options.pattern);
-  if (options.method == Method::guaranteed) check_guaranteed(options);
+  if (options.method == Method::guaranteed)
+    check_guaranteed(options);
+  else
+    check_paper(options, grey);
 
   MeshResult<Dim> result;
-  result.mesh = options.method == Method::paper ? mesh_by_paper(image, options, execution)
-                                                : mesh_with_guarantee(image, options, execution);
+  if (options.method == Method::paper) {
+    result.mesh = mesh_by_paper(image, options, execution);
+    const MaterialId background = material_of(image.labels, options.background);
+    if (!options.keep_background && background != kOutside) drop_material(result.mesh, background, execution);
+  } else {
+    result.guarantee.emplace();
+    result.mesh = mesh_with_guarantee(image, grey, options, *result.guarantee, execution);
+  }
   result.mesh.labels = image.labels;
   result.mesh.names = image.names;
-  const MaterialId background = material_of(image.labels, options.background);
-  if (!options.keep_background && background != kOutside) drop_material(result.mesh, background, execution);
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return result;
 }
 
-template MeshResult<2> mesh_image(const LabelImage<2>&, const MeshOptions&, Execution&);
-template MeshResult<3> mesh_image(const LabelImage<3>&, const MeshOptions&, Execution&);
+template MeshResult<2> mesh_image(const LabelImage<2>&, const MeshOptions&, Execution&, const GreyInput<2>*);
+template MeshResult<3> mesh_image(const LabelImage<3>&, const MeshOptions&, Execution&, const GreyInput<3>*);
 
 }  // namespace treemarch

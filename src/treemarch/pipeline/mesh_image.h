@@ -11,6 +11,7 @@
 #include "treemarch/field/field.h"
 #include "treemarch/image/label_image.h"
 #include "treemarch/mesh/mesh.h"
+#include "treemarch/report/guarantee.h"
 #include "treemarch/sizing/sizing_rule.h"
 
 namespace treemarch {
@@ -31,19 +32,33 @@ struct MeshOptions {
   std::optional<FieldKind> field;  ///< separating function; the method's own where it is not given
   std::optional<double> snap;      ///< fraction of an edge within which a vertex moves onto a surface; as field
   std::optional<int> smooth;       ///< smoothing steps; as field
+  double sigma = 1;                ///< smoothing of the guaranteed method's field, in voxels along each axis
+  double quality_floor = 18;       ///< guaranteed method: no quality (mesh/simplex_quality.h) below this after the cut
+  double quality = 20;             ///< guaranteed method: improve elements below this; 0 leaves them as they were cut
+  bool closed_border = false;      ///< materials that touch the side of the image end there rounded, not cut off flat
   bool keep_background = false;    ///< whether cells of the background are part of the mesh
   std::int32_t background = 0;     ///< the label that means background
+};
+
+/// A grey image of the same extent whose threshold is the end of the foreground.
+template <int Dim>
+struct GreyInput {
+  GreyImage<Dim> image;
+  double threshold = 0;
 };
 
 template <int Dim>
 struct MeshResult {
   Mesh<Dim> mesh;
+  std::optional<GuaranteeReport> guarantee;
   double seconds = 0;  ///< from the image in memory to the mesh in memory
 };
 
 /// Meshes an image. The times of the stages are in `execution`.
+/// \param grey puts the end of the foreground where a grey value meets a threshold (guaranteed method); may be null.
 /// \throw Error(usage) for options that contradict each other or the image; Error(limits) for too large a mesh.
 template <int Dim>
-MeshResult<Dim> mesh_image(const LabelImage<Dim>& image, const MeshOptions& options, Execution& execution);
+MeshResult<Dim> mesh_image(const LabelImage<Dim>& image, const MeshOptions& options, Execution& execution,
+                           const GreyInput<Dim>* grey = nullptr);
 
 }  // namespace treemarch

@@ -1,5 +1,5 @@
 /// \file
-/// The methods behind mesh_image(): each is the ordered list of its stages, and meshes the background too.
+/// The methods behind mesh_image(): each is the ordered list of its stages, from an image to a mesh.
 #pragma once
 
 #include "treemarch/core/execution.h"
@@ -9,12 +9,13 @@
 
 namespace treemarch {
 
-/// The paper's method (docs/stages/paper_march.md).
+/// The paper's method (docs/stages/paper_march.md). Meshes the background too.
 template <int Dim>
 Mesh<Dim> mesh_by_paper(const LabelImage<Dim>& image, const MeshOptions& options, Execution& execution);
 
-/// The method with bounded angles.
+/// The method with bounded angles (docs/stages/cut.md). Leaves the background out unless it is to be kept.
 template <int Dim>
-Mesh<Dim> mesh_with_guarantee(const LabelImage<Dim>& image, const MeshOptions& options, Execution& execution);
+Mesh<Dim> mesh_with_guarantee(const LabelImage<Dim>& image, const GreyInput<Dim>* grey, const MeshOptions& options,
+                              GuaranteeReport& report, Execution& execution);
 
 }  // namespace treemarch

@@ -61,6 +61,27 @@ std::string format(const char* pattern, double a, double b = 0) {
   return text;
 }
 
+Json guarantee_json(const GuaranteeReport& g) {
+  Json json;
+  json["quality_floor"] = g.quality_floor;
+  json["cut"] = {{"lattice_simplices", g.cut.lattice_simplices}, {"cut_edges", g.cut.cut_edges},
+                 {"triple_points", g.cut.triple_points},         {"inner_points", g.cut.inner_points},
+                 {"snapped_vertices", g.cut.snapped_vertices},   {"retreated_points", g.cut.retreated_points},
+                 {"retreat_rounds", g.cut.retreat_rounds}};
+  json["improve"] = {{"stopped", name_of(g.improve.stopped)},
+                     {"below_target_before", g.improve.below_before},
+                     {"below_target_after", g.improve.below_after},
+                     {"worst_before", g.improve.worst_before},
+                     {"worst_after", g.improve.worst_after},
+                     {"moves", g.improve.moves},
+                     {"facet_flips", g.improve.facet_flips},
+                     {"edge_removals", g.improve.edge_removals},
+                     {"collapses", g.improve.collapses},
+                     {"splits", g.improve.splits},
+                     {"pulls", g.improve.pulls}};
+  return json;
+}
+
 std::string fidelity_text(const Fidelity& fidelity) {
   constexpr std::size_t kShown = 20;
   std::string text = format(", mean Dice %.4f", fidelity.mean_dice());
@@ -112,6 +133,7 @@ std::string to_json(const Report& report) {
   json["lost_labels"] = report.fidelity.lost_labels();
   json["dice_mean"] = report.fidelity.mean_dice();
   json["cells_with_unknown_label"] = report.fidelity.unknown_cells;
+  if (report.guarantee) json["guarantee"] = guarantee_json(*report.guarantee);
   if (report.defects) {
     json["valid"] = report.defects->sound();
     json["defects"] = defects_json(*report.defects);
@@ -131,6 +153,10 @@ std::string to_text(const Report& report) {
   for (const auto& [type, count] : report.cells) text += ", " + std::to_string(count) + " " + name(type) + " cells";
   text += format(report.dimension == 2 ? "\nangles %.2f to %.2f degrees" : "\ndihedral angles %.2f to %.2f degrees",
                  report.quality.angles.min, report.quality.angles.max);
+  if (report.guarantee && report.guarantee->improve.below_after > 0)
+    text += "\n" + std::to_string(report.guarantee->improve.below_after) +
+            " elements stay below the quality asked for (" + std::string(name_of(report.guarantee->improve.stopped)) +
+            ")";
   if (report.defects) text += "\nvalidity: " + report.defects->describe();
   std::int64_t materials = 0;
   bool compared = false;

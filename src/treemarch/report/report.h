@@ -15,6 +15,7 @@
 #include "treemarch/mesh/quality.h"
 #include "treemarch/mesh/validate.h"
 #include "treemarch/report/fidelity.h"
+#include "treemarch/report/guarantee.h"
 
 namespace treemarch {
 
@@ -29,6 +30,7 @@ struct Report {
   std::vector<std::pair<CellType, std::int64_t>> cells;  ///< number by type, types that occur only
   MeshQuality quality;
   Fidelity fidelity;
+  std::optional<GuaranteeReport> guarantee;   ///< of the default method
   std::optional<MeshDefects> defects;         ///< where the mesh was examined
   std::vector<Execution::StageTime> seconds;  ///< by stage
   double mesh_seconds = 0;                    ///< from the image in memory to the mesh in memory

@@ -1,0 +1,16 @@
+/// \file
+/// What the default method did to keep its promise.
+#pragma once
+
+#include "treemarch/improve/improve.h"
+#include "treemarch/march/cut.h"
+
+namespace treemarch {
+
+struct GuaranteeReport {
+  double quality_floor = 0;  ///< in force after the cut, in degrees; lower than asked where the lattice is stretched
+  CutReport cut;
+  ImproveReport improve;
+};
+
+}  // namespace treemarch
