@@ -5,7 +5,6 @@
 #include <numeric>
 
 #include "support/images.h"
-#include "support/voxel_mesh.h"
 
 namespace treemarch {
 namespace {
@@ -60,22 +59,6 @@ TEST(Components, AgreeWithAFloodFill) {
     expect_as_brute_force(testing::noise_image<2>({17, 13}, labels, seed));
     expect_as_brute_force(testing::noise_image<3>({9, 11, 7}, labels, seed));
     expect_as_brute_force(testing::noise_image<4>({5, 4, 6, 3}, labels, seed));
-  }
-}
-
-/// Cells that are voxels are connected as the voxels are.
-template <int Dim>
-void expect_same_in_mesh(const LabelImage<Dim>& image) {
-  std::vector<std::int64_t> expected(image.labels.size());
-  for (const ImageComponent& c : image_components(image)) ++expected[c.material];
-  for (const int threads : {1, 5})
-    EXPECT_EQ(count_mesh_components(testing::voxel_mesh(image), Execution(threads)), expected);
-}
-
-TEST(Components, OfAMeshThatRepeatsTheImageAreTheSame) {
-  for (unsigned seed = 0; seed < 5; ++seed) {
-    expect_same_in_mesh(testing::noise_image<2>({17, 13}, 3, seed));
-    expect_same_in_mesh(testing::noise_image<3>({19, 11, 17}, 2 + static_cast<int>(seed), seed));
   }
 }
 

@@ -134,7 +134,7 @@ bool flat(const Patch<3>& patch, VertexId a, VertexId b, VertexId p, VertexId q)
 /// Splits a closed ring at its two changes of material into two chains. \return false if there are not two.
 bool split_ring(const Patch<3>& patch, const Ring& ring, std::array<std::vector<VertexId>, 2>& chain) {
   const std::size_t n = ring.cells.size();
-  if (n < 4) return false;  // two cells of each material at least
+  if (n < 4) return false;          // two cells of each material at least
   std::vector<std::size_t> change;  // cells whose predecessor has another material
   for (std::size_t i = 0; i < n; ++i)
     if (patch.material(ring.cells[i]) != patch.material(ring.cells[(i + n - 1) % n])) change.push_back(i);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <span>
 #include <vector>
 
 #include "treemarch/core/error.h"
@@ -48,7 +49,8 @@ std::array<VertexId, Rest + 1> sorted_vertices(const LocalFacet& facet, const Ve
 template <int Dim, int Rest>
 class Sorter {
  public:
-  Sorter(const Mesh<Dim>& mesh, const Execution& execution) : mesh_(mesh), execution_(execution) {
+  Sorter(const Mesh<Dim>& mesh, const Execution& execution, std::span<const std::uint8_t> among)
+      : mesh_(mesh), execution_(execution), among_(among) {
     std::uint64_t facets = 0;
     for (const CellBlock& block : mesh.blocks) {
       first_facet_.push_back(static_cast<std::uint32_t>(facets));
@@ -83,11 +85,20 @@ class Sorter {
       const CellBlock& block = mesh_.blocks[b];
       const CellTopology& shape = topology(block.type);
       parallel_for(execution_, block.size(), kCellsPerTask, [&](std::int64_t c) {
-        for (int f = 0; f < shape.facet_count; ++f)
+        for (int f = 0; f < shape.facet_count; ++f) {
+          if (!is_wanted(shape.facets[f], block.cell(c))) continue;
           use(sorted_vertices<Rest>(shape.facets[f], block.cell(c)),
               first_facet_[b] + static_cast<std::uint32_t>(c * shape.facet_count + f));
+        }
       });
     }
+  }
+
+  [[nodiscard]] bool is_wanted(const LocalFacet& facet, const VertexId* cell) const {
+    if (among_.empty()) return true;
+    for (int i = 0; i < facet.size; ++i)
+      if (among_[cell[facet.vertex[i]]] == 0) return false;
+    return true;
   }
 
   /// All facets whose smallest vertex is in [begin, end).
@@ -134,6 +145,7 @@ class Sorter {
 
   const Mesh<Dim>& mesh_;
   const Execution& execution_;
+  std::span<const std::uint8_t> among_;
   std::vector<std::uint32_t> first_facet_;  // per block
   std::vector<std::uint32_t> counts_;       // facets by smallest vertex
   std::vector<Entry<Rest>> entries_;
@@ -145,18 +157,19 @@ std::int64_t facet_part_count(std::int64_t points) { return block_count(points, 
 
 template <int Dim>
 void visit_facets(const Mesh<Dim>& mesh, const Execution& execution,
-                  const std::function<void(std::int64_t part, std::span<const FacetSide> sides)>& visit) {
+                  const std::function<void(std::int64_t part, std::span<const FacetSide> sides)>& visit,
+                  std::span<const std::uint8_t> among) {
   if constexpr (Dim == 3) {
     for (const CellBlock& block : mesh.blocks)
-      if (block.type != CellType::tetrahedron) return Sorter<Dim, 3>(mesh, execution).run(visit);
+      if (block.type != CellType::tetrahedron) return Sorter<Dim, 3>(mesh, execution, among).run(visit);
   }
-  Sorter<Dim, Dim - 1>(mesh, execution).run(visit);
+  Sorter<Dim, Dim - 1>(mesh, execution, among).run(visit);
 }
 
 using Visitor = std::function<void(std::int64_t, std::span<const FacetSide>)>;
-template void visit_facets(const Mesh<1>&, const Execution&, const Visitor&);
-template void visit_facets(const Mesh<2>&, const Execution&, const Visitor&);
-template void visit_facets(const Mesh<3>&, const Execution&, const Visitor&);
-template void visit_facets(const Mesh<4>&, const Execution&, const Visitor&);
+template void visit_facets(const Mesh<1>&, const Execution&, const Visitor&, std::span<const std::uint8_t>);
+template void visit_facets(const Mesh<2>&, const Execution&, const Visitor&, std::span<const std::uint8_t>);
+template void visit_facets(const Mesh<3>&, const Execution&, const Visitor&, std::span<const std::uint8_t>);
+template void visit_facets(const Mesh<4>&, const Execution&, const Visitor&, std::span<const std::uint8_t>);
 
 }  // namespace treemarch

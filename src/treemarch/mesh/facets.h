@@ -29,10 +29,12 @@ struct FacetSide {
 /// order of the parts is therefore sorted, and the same for any number of threads. A quad and a triangle that share
 /// three vertices are different facets.
 ///
+/// \param among if not empty, one a point: facets are visited only if all their vertices have a value other than 0.
 /// A counting sort by the smallest vertex, in passes of bounded memory (about 12 bytes a facet, 200 MB at most).
 /// \pre vertex indices are in range. \throw Error(limits) above 2^32 - 1 facets.
 template <int Dim>
 void visit_facets(const Mesh<Dim>& mesh, const Execution& execution,
-                  const std::function<void(std::int64_t part, std::span<const FacetSide> sides)>& visit);
+                  const std::function<void(std::int64_t part, std::span<const FacetSide> sides)>& visit,
+                  std::span<const std::uint8_t> among = {});
 
 }  // namespace treemarch

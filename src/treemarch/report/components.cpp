@@ -1,12 +1,6 @@
 #include "treemarch/report/components.h"
 
 #include <algorithm>
-#include <atomic>
-#include <numeric>
-#include <span>
-
-#include "treemarch/core/parallel.h"
-#include "treemarch/mesh/facets.h"
 
 namespace treemarch {
 namespace {
@@ -96,64 +90,6 @@ std::vector<ImageComponent> image_components(const LabelImage<Dim>& image) {
   return components;
 }
 
-namespace {
-
-/// Disjoint sets that several threads may join at once. The roots are the smallest members whatever the order.
-class SharedDisjointSets {
- public:
-  using Index = std::uint32_t;
-  explicit SharedDisjointSets(std::size_t n) : parent_(n) { std::iota(parent_.begin(), parent_.end(), Index{0}); }
-
-  Index find(Index i) {
-    while (true) {
-      Index up = at(i).load(std::memory_order_relaxed);
-      if (up == i) return i;
-      const Index above = at(up).load(std::memory_order_relaxed);
-      if (above != up) at(i).compare_exchange_weak(up, above, std::memory_order_relaxed);
-      i = above;
-    }
-  }
-  void join(Index a, Index b) {
-    while (true) {
-      a = find(a);
-      b = find(b);
-      if (a == b) return;
-      Index root = std::max(a, b);
-      if (at(root).compare_exchange_strong(root, std::min(a, b), std::memory_order_relaxed)) return;
-    }
-  }
-  [[nodiscard]] bool is_root(Index i) const { return parent_[i] == i; }
-
- private:
-  std::atomic_ref<Index> at(Index i) { return std::atomic_ref(parent_[i]); }
-  std::vector<Index> parent_;
-};
-
-}  // namespace
-
-template <int Dim>
-std::vector<std::int64_t> count_mesh_components(const Mesh<Dim>& mesh, const Execution& execution) {
-  std::vector<std::int64_t> first(mesh.blocks.size() + 1);  // number of the first cell of each block
-  for (std::size_t b = 0; b < mesh.blocks.size(); ++b) first[b + 1] = first[b] + mesh.blocks[b].size();
-  SharedDisjointSets sets(static_cast<std::size_t>(first.back()));
-  const auto material = [&](const FacetSide& s) {
-    return mesh.blocks[s.block].materials[static_cast<std::size_t>(s.cell)];
-  };
-  const auto number = [&](const FacetSide& s) { return static_cast<std::uint32_t>(first[s.block] + s.cell); };
-  visit_facets(mesh, execution, [&](std::int64_t, std::span<const FacetSide> sides) {
-    for (std::size_t i = 1; i < sides.size(); ++i)
-      if (material(sides[i]) == material(sides[0])) sets.join(number(sides[0]), number(sides[i]));
-  });
-  std::vector<std::int64_t> count(mesh.labels.size());
-  for (std::size_t b = 0; b < mesh.blocks.size(); ++b)
-    for (std::int64_t c = 0; c < mesh.blocks[b].size(); ++c)
-      count[mesh.blocks[b].materials[static_cast<std::size_t>(c)]] +=
-          sets.is_root(static_cast<std::uint32_t>(first[b] + c));
-  return count;
-}
-
-template std::vector<std::int64_t> count_mesh_components(const Mesh<2>&, const Execution&);
-template std::vector<std::int64_t> count_mesh_components(const Mesh<3>&, const Execution&);
 template std::vector<ImageComponent> image_components(const LabelImage<1>&);
 template std::vector<ImageComponent> image_components(const LabelImage<2>&);
 template std::vector<ImageComponent> image_components(const LabelImage<3>&);

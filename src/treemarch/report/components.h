@@ -1,13 +1,11 @@
 /// \file
-/// Connected components of the materials of an image and of a mesh.
+/// Connected components of the materials of an image.
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
-#include "treemarch/core/execution.h"
 #include "treemarch/image/label_image.h"
-#include "treemarch/mesh/mesh.h"
 
 namespace treemarch {
 
@@ -21,10 +19,5 @@ struct ImageComponent {
 /// All components, by their first voxels. Works on runs along the first axis, in almost linear time.
 template <int Dim>
 std::vector<ImageComponent> image_components(const LabelImage<Dim>& image);
-
-/// Number of components of each material of a mesh, its cells connected over facets.
-/// \pre every cell of dimension Dim, vertex indices in range
-template <int Dim>
-std::vector<std::int64_t> count_mesh_components(const Mesh<Dim>& mesh, const Execution& execution);
 
 }  // namespace treemarch

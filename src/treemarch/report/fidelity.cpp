@@ -1,22 +1,25 @@
 #include "treemarch/report/fidelity.h"
 
 #include <algorithm>
+#include <array>
+#include <atomic>
 #include <cmath>
+#include <limits>
 #include <numeric>
-#include <span>
 
 #include "treemarch/core/parallel.h"
 #include "treemarch/mesh/cell_topology.h"
 #include "treemarch/report/components.h"
+#include "treemarch/report/mesh_components.h"
 #include "treemarch/report/simplices.h"
 
 namespace treemarch {
 namespace {
 
-constexpr std::int64_t kBlock = 1 << 16;  // cells a task
+constexpr std::int64_t kBlock = 1 << 13;  // cells a task
 constexpr double kTolerance = 1e-9;       // of barycentric coordinates
 
-/// All simplices of a mesh as one sequence: blocks of cells, each cell split into its simplices.
+/// Some cells of one block.
 template <int Dim>
 struct CellRange {
   const CellBlock* block;
@@ -34,106 +37,77 @@ std::vector<CellRange<Dim>> split_into_ranges(const Mesh<Dim>& mesh) {
   return ranges;
 }
 
-/// Voxels whose centres lie within [lo, hi] on one axis: first and one past the last, within the image.
+/// Voxels whose centres lie between two planes across one axis: first and one past the last, within the image.
 struct Span {
   std::int32_t begin, end;
 };
-Span centres_between(double lo, double hi, double spacing, std::int32_t extent) {
-  const double slack = 1e-9;
-  const double b = std::ceil(lo / spacing - 0.5 - slack);
-  const double e = std::floor(hi / spacing - 0.5 + slack) + 1;
-  return {static_cast<std::int32_t>(std::clamp(b, 0.0, static_cast<double>(extent))),
-          static_cast<std::int32_t>(std::clamp(e, 0.0, static_cast<double>(extent)))};
-}
 
 template <int Dim>
-Span centres_between(const Simplex<Dim>& simplex, int axis, const LabelImage<Dim>& image) {
+Span centres_between(const Simplex<Dim>& simplex, int axis, double voxels_per_length, std::int32_t extent) {
+  constexpr double kSlack = 1e-9;
   double lo = simplex[0][axis], hi = lo;
   for (const Vec<Dim>& p : simplex) {
     lo = std::min(lo, p[axis]);
     hi = std::max(hi, p[axis]);
   }
-  return centres_between(lo, hi, image.frame.spacing[axis], image.extent[axis]);
+  const double begin = std::ceil(lo * voxels_per_length - 0.5 - kSlack);
+  const double end = std::floor(hi * voxels_per_length - 0.5 + kSlack) + 1;
+  return {static_cast<std::int32_t>(std::clamp(begin, 0.0, static_cast<double>(extent))),
+          static_cast<std::int32_t>(std::clamp(end, 0.0, static_cast<double>(extent)))};
 }
 
-/// The cells that may hold a voxel centre of each layer of voxels (a layer is a fixed last coordinate), in the order of
-/// the cells.
-struct Layers {
-  struct Entry {
-    std::uint32_t range;  // index of the CellRange
-    std::uint32_t cell;   // within it
-  };
-  std::vector<std::int64_t> begin;  // per layer and one past the last
-  std::vector<Entry> entries;
+/// Replaces a value by a smaller one, whatever other threads do at the same time.
+template <class T>
+void lower(T& value, T to) {
+  const std::atomic_ref<T> shared(value);
+  T now = shared.load(std::memory_order_relaxed);
+  while (to < now && !shared.compare_exchange_weak(now, to, std::memory_order_relaxed)) {
+  }
+}
+
+/// Gives each voxel the smallest material of the simplices that contain its centre: the same for any order of them.
+template <class T, int Dim>
+class Painter {
+ public:
+  static constexpr T kNone = std::numeric_limits<T>::max();
+
+  explicit Painter(const LabelImage<Dim>& image)
+      : image_(image), owner_(static_cast<std::size_t>(product(image.extent)), kNone) {
+    for (int d = 0; d < Dim; ++d) voxels_per_length_[d] = 1 / image.frame.spacing[d];
+  }
+
+  void paint(const Simplex<Dim>& simplex, T material) {
+    std::array<Span, Dim> spans;
+    for (int d = 0; d < Dim; ++d) {
+      spans[d] = centres_between(simplex, d, voxels_per_length_[d], image_.extent[d]);
+      if (spans[d].begin >= spans[d].end) return;
+    }
+    const Barycentric<Dim> barycentric(simplex);
+    if (!barycentric.is_valid()) return;
+    Coord<Dim> voxel;
+    for (int d = 0; d < Dim; ++d) voxel[d] = spans[d].begin;
+    while (true) {
+      T& owner = owner_[static_cast<std::size_t>(linear_index(voxel, image_.extent))];
+      if (material < std::atomic_ref(owner).load(std::memory_order_relaxed)) {
+        Vec<Dim> centre;
+        for (int d = 0; d < Dim; ++d) centre[d] = (voxel[d] + 0.5) * image_.frame.spacing[d];
+        if (barycentric.contains(centre, kTolerance)) lower(owner, material);
+      }
+      int d = 0;
+      while (d < Dim && ++voxel[d] == spans[d].end) {
+        voxel[d] = spans[d].begin;
+        ++d;
+      }
+      if (d == Dim) return;
+    }
+  }
+  [[nodiscard]] const std::vector<T>& owner() const { return owner_; }
+
+ private:
+  const LabelImage<Dim>& image_;
+  Vec<Dim> voxels_per_length_{};
+  std::vector<T> owner_;
 };
-
-template <int Dim, class F>
-void for_each_layer_of(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, const CellRange<Dim>& range, F&& f) {
-  const int n = vertex_count(range.block->type);
-  for (std::int64_t c = range.begin; c < range.end; ++c) {
-    const VertexId* v = range.block->cell(c);
-    double lo = mesh.points[v[0]][Dim - 1], hi = lo;
-    for (int i = 1; i < n; ++i) {
-      lo = std::min(lo, mesh.points[v[i]][Dim - 1]);
-      hi = std::max(hi, mesh.points[v[i]][Dim - 1]);
-    }
-    const Span span = centres_between(lo, hi, image.frame.spacing[Dim - 1], image.extent[Dim - 1]);
-    for (std::int32_t z = span.begin; z < span.end; ++z) f(z, static_cast<std::uint32_t>(c - range.begin));
-  }
-}
-
-template <int Dim>
-Layers sort_into_layers(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, const std::vector<CellRange<Dim>>& ranges,
-                        const Execution& execution) {
-  const auto layers = static_cast<std::size_t>(image.extent[Dim - 1]);
-  const std::size_t n = ranges.size();
-  std::vector<std::int64_t> at(layers * n);  // layer-major, so that a scan puts the cells of a layer in their order
-  parallel_for(execution, static_cast<std::int64_t>(n), 1, [&](std::int64_t r) {
-    for_each_layer_of(image, mesh, ranges[static_cast<std::size_t>(r)],
-                      [&](std::int32_t z, std::uint32_t) { ++at[static_cast<std::size_t>(z) * n + r]; });
-  });
-  Layers result;
-  result.entries.resize(static_cast<std::size_t>(exclusive_scan(std::span(at))));
-  for (std::size_t z = 0; z < layers; ++z) result.begin.push_back(n ? at[z * n] : 0);
-  result.begin.push_back(static_cast<std::int64_t>(result.entries.size()));
-  parallel_for(execution, static_cast<std::int64_t>(n), 1, [&](std::int64_t r) {
-    for_each_layer_of(image, mesh, ranges[static_cast<std::size_t>(r)], [&](std::int32_t z, std::uint32_t cell) {
-      result.entries[static_cast<std::size_t>(at[static_cast<std::size_t>(z) * n + r]++)] = {
-          static_cast<std::uint32_t>(r), cell};
-    });
-  });
-  return result;
-}
-
-/// Calls f(voxel within the layer) for the voxel centres of layer z that a simplex contains.
-template <int Dim, class F>
-void for_each_centre(const Simplex<Dim>& simplex, const LabelImage<Dim>& image, std::int32_t z, F&& f) {
-  std::array<Span, Dim> spans;
-  for (int d = 0; d < Dim - 1; ++d) {
-    spans[d] = centres_between(simplex, d, image);
-    if (spans[d].begin >= spans[d].end) return;
-  }
-  spans[Dim - 1] = {z, z + 1};
-  const Barycentric<Dim> barycentric(simplex);
-  if (!barycentric.is_valid()) return;
-  Coord<Dim> voxel;
-  for (int d = 0; d < Dim; ++d) voxel[d] = spans[d].begin;
-  while (true) {
-    Vec<Dim> centre;
-    for (int d = 0; d < Dim; ++d) centre[d] = (voxel[d] + 0.5) * image.frame.spacing[d];
-    if (barycentric.contains(centre, kTolerance)) {
-      Coord<Dim> in_layer = voxel;
-      in_layer[Dim - 1] = 0;
-      f(linear_index(in_layer, image.extent));
-    }
-    int d = 0;
-    while (d < Dim - 1 && ++voxel[d] == spans[d].end) {
-      voxel[d] = spans[d].begin;
-      ++d;
-    }
-    if (d >= Dim - 1) return;
-  }
-}
 
 /// Voxels by label: in the image, in the mesh, and in both.
 struct Overlap {
@@ -141,46 +115,34 @@ struct Overlap {
   explicit Overlap(std::size_t n = 0) : image(n), mesh(n), both(n) {}
 };
 
-constexpr MaterialId kNoCell = kOutside;
-
-/// \param to_image the image's material of each material of the mesh.
-template <int Dim>
+template <class T, int Dim>
 Overlap overlap(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, const std::vector<MaterialId>& to_image,
                 const Execution& execution) {
+  Painter<T, Dim> painter(image);
   const auto ranges = split_into_ranges(mesh);
-  const Layers layers = sort_into_layers(image, mesh, ranges, execution);
-  const std::int64_t layer_size = product(image.extent) / image.extent[Dim - 1];
+  parallel_for(execution, std::ssize(ranges), 1, [&](std::int64_t r) {
+    const CellRange<Dim>& range = ranges[static_cast<std::size_t>(r)];
+    for (std::int64_t c = range.begin; c < range.end; ++c) {
+      const MaterialId material = to_image[range.block->materials[static_cast<std::size_t>(c)]];
+      if (material == kOutside) continue;
+      for_each_simplex(mesh, *range.block, c,
+                       [&](const Simplex<Dim>& simplex) { painter.paint(simplex, static_cast<T>(material)); });
+    }
+  });
+
+  constexpr std::int64_t kTables = 16;  // bounds the memory where there are many labels
   const std::size_t materials = image.labels.size();
-  const std::int64_t group = block_count(image.extent[Dim - 1], 64);  // bounds the number of tables
-  const std::int64_t groups = block_count(image.extent[Dim - 1], group);
-  std::vector<Overlap> partial(static_cast<std::size_t>(groups));
-  parallel_for(execution, groups, 1, [&](std::int64_t g) {
-    Overlap& sum = partial[static_cast<std::size_t>(g)] = Overlap(materials);
-    std::vector<MaterialId> owner(static_cast<std::size_t>(layer_size));
-    const std::int64_t end = std::min<std::int64_t>(image.extent[Dim - 1], (g + 1) * group);
-    for (std::int64_t z = g * group; z < end; ++z) {
-      std::fill(owner.begin(), owner.end(), kNoCell);
-      for (std::int64_t e = layers.begin[static_cast<std::size_t>(z)];
-           e < layers.begin[static_cast<std::size_t>(z) + 1]; ++e) {
-        const Layers::Entry entry = layers.entries[static_cast<std::size_t>(e)];
-        const CellRange<Dim>& range = ranges[entry.range];
-        const std::int64_t cell = range.begin + entry.cell;
-        const MaterialId material = to_image[range.block->materials[static_cast<std::size_t>(cell)]];
-        if (material == kOutside) continue;
-        for_each_simplex(mesh, *range.block, cell, [&](const Simplex<Dim>& simplex) {
-          for_each_centre(simplex, image, static_cast<std::int32_t>(z), [&](std::int64_t v) {
-            MaterialId& o = owner[static_cast<std::size_t>(v)];
-            if (o == kNoCell) o = material;
-          });
-        });
-      }
-      for (std::int64_t v = 0; v < layer_size; ++v) {
-        const MaterialId in_image = image.voxels[z * layer_size + v], in_mesh = owner[static_cast<std::size_t>(v)];
-        ++sum.image[in_image];
-        if (in_mesh == kNoCell) continue;
-        ++sum.mesh[in_mesh];
-        if (in_mesh == in_image) ++sum.both[in_image];
-      }
+  const std::int64_t voxels = product(image.extent), block = block_count(voxels, kTables);
+  std::vector<Overlap> partial(static_cast<std::size_t>(block_count(voxels, block)));
+  parallel_for(execution, std::ssize(partial), 1, [&](std::int64_t b) {
+    Overlap& sum = partial[static_cast<std::size_t>(b)] = Overlap(materials);
+    for (std::int64_t v = b * block; v < std::min(voxels, (b + 1) * block); ++v) {
+      const MaterialId in_image = image.voxels[v];
+      const T in_mesh = painter.owner()[static_cast<std::size_t>(v)];
+      ++sum.image[in_image];
+      if (in_mesh == Painter<T, Dim>::kNone) continue;
+      ++sum.mesh[in_mesh];
+      if (in_mesh == in_image) ++sum.both[in_image];
     }
   });
   Overlap total(materials);
@@ -192,6 +154,15 @@ Overlap overlap(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, const std::
     }
   }
   return total;
+}
+
+/// \param to_image the image's material of each material of the mesh.
+template <int Dim>
+Overlap overlap(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, const std::vector<MaterialId>& to_image,
+                const Execution& execution) {
+  if (image.labels.size() < 0xff) return overlap<std::uint8_t>(image, mesh, to_image, execution);
+  if (image.labels.size() < 0xffff) return overlap<std::uint16_t>(image, mesh, to_image, execution);
+  return overlap<std::uint32_t>(image, mesh, to_image, execution);
 }
 
 struct CellSums {
