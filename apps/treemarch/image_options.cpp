@@ -4,6 +4,21 @@
 #include "treemarch/pipeline/length.h"
 
 namespace treemarch::app {
+namespace {
+
+ReadOptions read_options(const ImageOptions& options) {
+  ReadOptions read;
+  read.threshold = options.threshold;
+  read.volume = options.volume;
+  read.any_labels = options.any_labels;
+  if (options.spacing) {
+    for (const std::string_view side : split(*options.spacing, ','))
+      read.spacing.push_back(parse_length(side, 1, "--spacing"));
+  }
+  return read;
+}
+
+}  // namespace
 
 void add_image_options(CLI::App& command, ImageOptions& options) {
   command.add_option(
@@ -15,16 +30,13 @@ void add_image_options(CLI::App& command, ImageOptions& options) {
 }
 
 AnyImage load_image(const std::string& path, const ImageOptions& options, Execution& execution) {
-  ReadOptions read;
-  read.threshold = options.threshold;
-  read.volume = options.volume;
-  read.any_labels = options.any_labels;
-  if (options.spacing) {
-    for (const std::string_view side : split(*options.spacing, ','))
-      read.spacing.push_back(parse_length(side, 1, "--spacing"));
-  }
   const Execution::Stage stage(execution, "read image");
-  return read_label_image(path, read, execution);
+  return read_label_image(path, read_options(options), execution);
+}
+
+AnyGreyImage load_grey_image(const std::string& path, const ImageOptions& options, Execution& execution) {
+  const Execution::Stage stage(execution, "read image");
+  return read_grey_image(path, read_options(options), execution);
 }
 
 }  // namespace treemarch::app

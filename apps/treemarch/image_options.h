@@ -29,6 +29,9 @@ void with_image(const std::string& path, const ImageOptions& options, Execution&
 /// The image as it was read. \throw Error
 AnyImage load_image(const std::string& path, const ImageOptions& options, Execution& execution);
 
+/// The same file as grey values. \throw Error
+AnyGreyImage load_grey_image(const std::string& path, const ImageOptions& options, Execution& execution);
+
 /// Smallest side of a voxel.
 template <int Dim>
 double smallest_spacing(const LabelImage<Dim>& image) {

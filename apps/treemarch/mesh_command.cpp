@@ -23,7 +23,7 @@ namespace treemarch::app {
 namespace {
 
 struct MeshCommandOptions {
-  std::string image, output, interfaces, picture, report;
+  std::string image, grey, output, interfaces, picture, report;
   ImageOptions reading;
   PrepareOptions prepare;
   MeshTextOptions mesh;
@@ -51,6 +51,25 @@ void check_outputs(const MeshCommandOptions& options) {
   if (twice != names.end()) throw Error(ErrorKind::usage, *twice + ": is to hold two things; give two names");
 }
 
+/// The grey image that places the end of the foreground: the one beside the labels, or that of which labels were made.
+template <int Dim>
+std::optional<GreyInput<Dim>> load_grey(const MeshCommandOptions& options, Execution& execution) {
+  const MeshOptions& plain = options.mesh.plain;
+  const bool other_field = plain.field && *plain.field != FieldKind::grey;
+  if (!options.grey.empty()) {
+    if (!options.reading.threshold)
+      throw Error(ErrorKind::usage, "--grey: needs --threshold, the value at the surface");
+    if (other_field) throw Error(ErrorKind::usage, "--grey: is used by --field grey only; leave one of them out");
+  } else if (!options.reading.threshold || other_field || plain.method == Method::paper || plain.closed_border) {
+    return std::nullopt;
+  }
+  const std::string& path = options.grey.empty() ? options.image : options.grey;
+  AnyGreyImage any = load_grey_image(path, options.reading, execution);
+  auto* grey = std::get_if<GreyImage<Dim>>(&any);
+  if (!grey) throw Error(ErrorKind::input, path + ": has another dimension than " + options.image);
+  return GreyInput<Dim>{crop_image(std::move(*grey), options.prepare.roi), *options.reading.threshold};
+}
+
 template <int Dim>
 Report make_report(const MeshCommandOptions& options, const std::vector<std::pair<std::string, std::string>>& given,
                    const LabelImage<Dim>& image, const MeshResult<Dim>& result, Execution& execution) {
@@ -65,7 +84,7 @@ Report make_report(const MeshCommandOptions& options, const std::vector<std::pai
   {
     const Execution::Stage stage(execution, "measure");
     report.quality = measure_quality(result.mesh, image.frame, kWorstCells, execution);
-    report.fidelity = measure_fidelity(image, result.mesh, options.prepare.background, execution);
+    report.fidelity = measure_fidelity(image, result.mesh, options.mesh.plain.background, execution);
   }
   return report;
 }
@@ -83,7 +102,7 @@ void write_all(const MeshCommandOptions& options, const LabelImage<Dim>& image, 
   if (!options.picture.empty()) {
     PictureOptions picture;
     picture.overwrite = options.force;
-    picture.background = options.prepare.background;
+    picture.background = options.mesh.plain.background;
     write_picture(options.picture, mesh, image.frame, picture, execution);
   }
 }
@@ -101,46 +120,18 @@ void publish(const MeshCommandOptions& options, const Report& report) {
     std::fputs(to_text(report).c_str(), stdout);
 }
 
-/// The grey image that ends the foreground: the one given beside the labels, else the image itself where it was
-/// thresholded.
-template <int Dim>
-std::optional<GreyInput<Dim>> read_grey(const MeshCommandOptions& options, Execution& execution) {
-  const MeshTextOptions& mesh = options.mesh;
-  const bool other_field = mesh.field && *mesh.field != FieldKind::grey;
-  if (!mesh.grey.empty()) {
-    if (!options.reading.threshold)
-      throw Error(ErrorKind::usage, "--grey: needs --threshold, the value at the surface");
-    if (!options.prepare.roi.empty()) throw Error(ErrorKind::usage, "--grey: cannot be combined with --roi");
-    if (other_field) throw Error(ErrorKind::usage, "--grey: is used by --field grey only; leave one of them out");
-  } else if (!options.reading.threshold || mesh.method == Method::paper || other_field || mesh.closed_border ||
-             !options.prepare.roi.empty()) {
-    return {};
-  }
-  ReadOptions how;
-  how.volume = options.reading.volume;
-  const std::string& path = mesh.grey.empty() ? options.image : mesh.grey;
-  AnyGreyImage grey = read_grey_image(path, how, execution);
-  auto* image = std::get_if<GreyImage<Dim>>(&grey);
-  if (!image) throw Error(ErrorKind::input, path + ": has another dimension than " + options.image);
-  return GreyInput<Dim>{std::move(*image), *options.reading.threshold};
-}
-
-/// With --grey the image holds labels and the threshold is that of the grey image.
-ImageOptions label_options(const MeshCommandOptions& options) {
-  ImageOptions reading = options.reading;
-  if (!options.mesh.grey.empty()) reading.threshold.reset();
-  return reading;
-}
-
 void run(const MeshCommandOptions& options, const std::vector<std::pair<std::string, std::string>>& given) {
   check_outputs(options);
   Execution execution(options.threads);
   Terminal terminal(execution, options.quiet);
-  with_image(options.image, label_options(options), execution, [&]<int Dim>(LabelImage<Dim> read) {
-    const LabelImage<Dim> image = prepare_image(std::move(read), options.prepare, execution);
-    MeshOptions mesh_options = resolve(options.mesh, image);
-    mesh_options.background = options.prepare.background;
-    const std::optional<GreyInput<Dim>> grey = read_grey<Dim>(options, execution);
+  ImageOptions reading = options.reading;
+  if (!options.grey.empty()) reading.threshold.reset();  // it is that of the grey image
+  with_image(options.image, reading, execution, [&]<int Dim>(LabelImage<Dim> read) {
+    PrepareOptions prepare = options.prepare;
+    prepare.background = options.mesh.plain.background;
+    const LabelImage<Dim> image = prepare_image(std::move(read), prepare, execution);
+    const MeshOptions mesh_options = resolve(options.mesh, image);
+    const std::optional<GreyInput<Dim>> grey = load_grey<Dim>(options, execution);
     const MeshResult<Dim> result = mesh_image(image, mesh_options, execution, grey ? &*grey : nullptr);
     if (result.mesh.cell_count() == 0)
       throw Error(ErrorKind::limits, options.image + ": the mesh has no cells; choose a smaller --min-size");
@@ -193,7 +184,6 @@ void add_selection_options(CLI::App& mesh, PrepareOptions& o) {
   add_list(mesh, "--drop", o.drop, "Labels that become background");
   add_list(mesh, "--merge", o.merge, "Labels that become one: 2-6=brain, 3,4=3");
   mesh.add_option("--roi", o.roi, "Part of the image in voxels from 0, upper ends excluded: 0:64,0:64,10:20");
-  mesh.add_option("--background-label", o.background, "The label that means background")->capture_default_str();
 }
 
 }  // namespace
@@ -206,6 +196,7 @@ void add_mesh_command(CLI::App& app, Command& command) {
   mesh->configurable();
   add_output_options(*mesh, *options);
   add_image_options(*mesh, options->reading);
+  mesh->add_option("--grey", options->grey, "Grey image beside the labels: the foreground ends at its --threshold");
   add_selection_options(*mesh, options->prepare);
   add_mesh_options(*mesh, options->mesh);
   mesh->add_flag("--dump-config", *dump, "Print all options as a file for --config and end")->configurable(false);

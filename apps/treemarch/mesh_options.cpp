@@ -16,23 +16,43 @@ int parse_balance(const std::string& text) {
   return balance;
 }
 
-}  // namespace
+void add_guaranteed_options(CLI::App& mesh, MeshOptions& o) {
+  mesh.add_option("--quality", o.quality, "Improve elements whose angles are below this, in degrees; 0: leave them")
+      ->capture_default_str();
+  mesh.add_option("--quality-floor", o.quality_floor, "No angle below this after the cut, in degrees")
+      ->capture_default_str();
+  mesh.add_option("--sigma", o.sigma, "Smoothing of the field gauss or dgf, in voxels")->capture_default_str();
+  add_choice<bool>(mesh, "--border", o.closed_border, {{"closed", true}, {"flat", false}},
+                   "How materials end at the sides of the image")
+      ->default_str("flat");
+}
 
-void add_mesh_options(CLI::App& mesh, MeshTextOptions& o) {
-  add_choice<Method>(mesh, "--method", o.method, {{"paper", Method::paper}, {"guaranteed", Method::guaranteed}},
-                     "How the image is meshed")
-      ->default_str(o.method == Method::paper ? "paper" : "guaranteed");
-  mesh.add_option("--min-size", o.min_size,
-                  "Smallest cells: 2mm, 2um, 2vox, a bare number is mm; by default as the structures of the image ask");
-  mesh.add_option("--max-size", o.max_size, "Largest cells; default by the method");
-  add_list(mesh, "--size", o.sizes, "LABEL=S: largest cells in a label");
-  add_list(mesh, "--interface", o.interfaces, "A:B=S: size of cells between two labels");
+void add_paper_options(CLI::App& mesh, MeshTextOptions& o) {
   add_list(mesh, "--weight", o.weights, "LABEL=W: weight of a label where a cell holds several (default 1)");
-  mesh.add_option("--pattern", o.pattern, "Refinement: auto, 2, 3, 2x2x1, or one a level: 3,2,2x2x1")
+  mesh.add_option("--pattern", o.plain.pattern, "Refinement: auto, 2, 3, 2x2x1, or one a level: 3,2,2x2x1")
       ->capture_default_str();
   mesh.add_option("--balance", o.balance, "Largest difference of level between neighbours, or none")
       ->capture_default_str();
-  add_choice<FieldKind>(mesh, "--field", o.field,
+  mesh.add_option("--snap", o.plain.snap, "Move vertices onto a surface nearer than this part of an edge, 0 to 0.5");
+  mesh.add_option("--smooth", o.plain.smooth, "Smoothing steps")->check(CLI::NonNegativeNumber);
+}
+
+}  // namespace
+
+void add_mesh_options(CLI::App& mesh, MeshTextOptions& o) {
+  add_choice<Method>(mesh, "--method", o.plain.method, {{"paper", Method::paper}, {"guaranteed", Method::guaranteed}},
+                     "How the image is meshed")
+      ->default_str("guaranteed");
+  mesh.add_option("--min-size", o.min_size,
+                  "Smallest cells: 2mm, 2um, 2vox, a bare number is mm; default: as the image's structures ask");
+  mesh.add_option("--max-size", o.max_size, "Largest cells; default by the method");
+  add_list(mesh, "--size", o.sizes, "LABEL=S: largest cells in a label");
+  add_list(mesh, "--interface", o.interfaces, "A:B=S: size of cells between two labels");
+  add_choice<bool>(mesh, "--background", o.plain.keep_background, {{"keep", true}, {"drop", false}},
+                   "Whether the background is part of the mesh")
+      ->default_str("drop");
+  mesh.add_option("--background-label", o.plain.background, "The label that means background")->capture_default_str();
+  add_choice<FieldKind>(mesh, "--field", o.plain.field,
                         {{"solid-angle", FieldKind::solid_angle},
                          {"linear", FieldKind::linear},
                          {"bspline3", FieldKind::bspline3},
@@ -40,30 +60,18 @@ void add_mesh_options(CLI::App& mesh, MeshTextOptions& o) {
                          {"dgf", FieldKind::dgf},
                          {"grey", FieldKind::grey}},
                         "Separating function; default by the method");
-  mesh.add_option("--sigma", o.sigma, "Smoothing of the fields gauss and dgf, in voxels along each axis")
-      ->capture_default_str();
-  mesh.add_option("--grey", o.grey, "Grey image beside the labels: the foreground ends where it meets --threshold");
-  mesh.add_option("--quality", o.quality,
-                  "Improve elements below this angle in degrees; 0 leaves them as they were cut")
-      ->capture_default_str();
-  mesh.add_option("--quality-floor", o.quality_floor, "No angle below this after the cut, at most 18.4")
-      ->capture_default_str();
-  add_choice<bool>(mesh, "--border", o.closed_border, {{"flat", false}, {"closed", true}},
-                   "How materials end that touch the side of the image: cut off flat, or closed")
-      ->default_str("flat");
-  mesh.add_option("--snap", o.snap, "Move vertices onto a surface nearer than this part of an edge, 0 to 0.5");
-  mesh.add_option("--smooth", o.smooth, "Smoothing steps; default by the method")->check(CLI::NonNegativeNumber);
-  add_choice<bool>(mesh, "--background", o.keep_background, {{"keep", true}, {"drop", false}},
-                   "Whether the background is part of the mesh")
-      ->default_str("drop");
+  mesh.option_defaults()->group("Method guaranteed");
+  add_guaranteed_options(mesh, o.plain);
+  mesh.option_defaults()->group("Method paper");
+  add_paper_options(mesh, o);
+  mesh.option_defaults()->group("Options");
 }
 
 template <int Dim>
 MeshOptions resolve(const MeshTextOptions& text, const LabelImage<Dim>& image) {
   const LabelTable table(image.labels, image.names);
   const double voxel = smallest_spacing(image);
-  MeshOptions options;
-  options.method = text.method;
+  MeshOptions options = text.plain;
   if (text.min_size) options.sizes.min_size = parse_length(*text.min_size, voxel, "--min-size");
   if (text.max_size) options.sizes.max_size = parse_length(*text.max_size, voxel, "--max-size");
   for (const std::string& size : text.sizes) {
@@ -87,18 +95,9 @@ MeshOptions resolve(const MeshTextOptions& text, const LabelImage<Dim>& image) {
       throw Error(ErrorKind::usage, "--weight: '" + weight + "' has no weight greater than zero");
     for (const MaterialId m : table.find_set(labels, "--weight")) options.weights[m] = w;
   }
-  options.pattern = text.pattern;
   options.balance = parse_balance(text.balance);
-  options.field = text.field;
-  if (text.snap && !(*text.snap >= 0 && *text.snap < 0.5))
+  if (options.snap && !(*options.snap >= 0 && *options.snap < 0.5))
     throw Error(ErrorKind::usage, "--snap: must be at least 0 and below 0.5");
-  options.snap = text.snap;
-  options.smooth = text.smooth;
-  options.keep_background = text.keep_background;
-  options.sigma = text.sigma;
-  options.quality_floor = text.quality_floor;
-  options.quality = text.quality;
-  options.closed_border = text.closed_border;
   return options;
 }
 

@@ -15,21 +15,12 @@ namespace treemarch::app {
 
 /// MeshOptions before labels and units are resolved against an image.
 struct MeshTextOptions {
-  Method method = Method::guaranteed;
+  MeshOptions plain;  ///< those that need no image to be understood
   std::optional<std::string> min_size, max_size;
   std::vector<std::string> sizes;       ///< LABEL=S
   std::vector<std::string> interfaces;  ///< A:B=S
   std::vector<std::string> weights;     ///< LABEL=W
-  std::string pattern = "auto";
   std::string balance = "1";
-  std::optional<FieldKind> field;
-  std::optional<double> snap;
-  std::optional<int> smooth;
-  double sigma = 1;
-  double quality_floor = 18, quality = 20;
-  bool closed_border = false;
-  std::string grey;  ///< file of a grey image beside the labels
-  bool keep_background = false;
 };
 
 void add_mesh_options(CLI::App& mesh, MeshTextOptions& options);

@@ -137,7 +137,8 @@ class BadOptions(ProgramTest):
         for option in (["--size", "1"], ["--size", "=2"], ["--interface", "1=2"], ["--weight", "1=0"],
                        ["--weight", "1=x"], ["--merge", "1"], ["--roi", "0:1"], ["--roi", "0:99,0:1,0:1"],
                        ["--method", "magic"], ["--field", "magic"], ["--background", "maybe"], ["--balance", "0"],
-                       ["--balance", "x"], ["--snap", "0.5"], ["--snap", "-1"], ["--smooth", "-1"], ["--threads", "-1"],
+                       ["--balance", "x"], ["--snap", "0.5"], ["--snap", "-1"], ["--smooth", "-1"], ["--sigma", "0"], ["--sigma", "x"], ["--quality", "-1"], ["--quality", "80"],
+                       ["--quality-floor", "25"], ["--border", "maybe"], ["--threads", "-1"],
                        ["--pattern", "1"], ["--pattern", "x"], ["--pattern", "2x2"], ["--space", "mars"],
                        ["--no-such-option"], ["surplus"], ["--config", self.path("none.toml")]):
             self.refuse(USAGE, *option)
@@ -146,7 +147,18 @@ class BadOptions(ProgramTest):
         for option in (["--pattern", "3"], ["--balance", "2"], ["--balance", "none"], ["--snap", "0.1"],
                        ["--smooth", "3"], ["--weight", "1=2"]):
             self.refuse(USAGE, "--method", "guaranteed", *option, says=option[0])
-        self.refuse(USAGE, "--method", "paper", "--field", "dgf", says="--field")
+        for option in (["--field", "dgf"], ["--border", "closed"], ["--grey", self.image, "--threshold", "1"]):
+            self.refuse(USAGE, "--method", "paper", *option, says=option[0])
+
+    def test_grey(self):
+        self.refuse(USAGE, "--grey", self.image, says="--threshold")
+        self.refuse(USAGE, "--grey", self.image, "--threshold", 1, "--field", "dgf", says="--grey")
+        self.refuse(USAGE, "--field", "grey", says="--grey")
+        self.refuse(INPUT, "--grey", self.path("none.nrrd"), "--threshold", 1)
+        other = files.write_nrrd(self.path("other.nrrd"), files.balls((9, 9, 9)).astype("float32"))
+        self.refuse(INPUT, "--grey", other, "--threshold", 1)
+        flat = files.write_nrrd(self.path("flat.nrrd"), files.balls()[:, :, 5])
+        self.refuse(INPUT, "--grey", flat, "--threshold", 1)
 
     def test_no_command(self):
         self.fail_with(USAGE)

@@ -132,6 +132,27 @@ class Meshes(ProgramTest):
         points, cells, _ = self.mesh("--threshold", "10", image=image)
         self.assertLess(abs(volumes(points, cells).sum() / 512 - 1), 0.25)
 
+    def test_grey_values_place_the_surface(self):
+        grid = np.meshgrid(*[np.arange(n) + 0.5 for n in (20, 22, 24)], indexing="ij")
+        distance = np.sqrt(sum((g - n / 2) ** 2 for g, n in zip(grid, (20, 22, 24))))
+        grey = files.write_nrrd(self.path("g.nrrd"), (100 - 10 * distance).astype("float32"))
+        labels = files.write_nrrd(self.path("l.nrrd"), (distance < 6.7).astype("uint8") * 7)
+        exact = 4 / 3 * np.pi * 6.7**3
+        for options in ([grey, "--threshold", 33], [labels, "--grey", grey, "--threshold", 33]):
+            points, cells, _ = self.mesh(*options[1:], "--min-size", "1vox", image=options[0])
+            self.assertLess(abs(volumes(points, cells).sum() / exact - 1), 0.02)
+        points, _, _ = self.mesh("--threshold", 33, "--roi", "0:10,0:22,0:24", image=grey)
+        self.assertAlmostEqual(points[:, 0].max(), 9.5)
+
+    def test_a_closed_border_is_round(self):
+        half = self.labels[:, :, 5:]
+        image = files.write_nrrd(self.path("h.nrrd"), half)
+        flat = self.mesh("--min-size", "1vox", image=image)[0]
+        closed = self.mesh("--min-size", "1vox", "--border", "closed", image=image)[0]
+        on_side = lambda points: (np.abs(points[:, 2] + 0.5) < 1e-9).sum()
+        self.assertGreater(on_side(flat), 20)
+        self.assertLess(on_side(closed), on_side(flat) / 2)
+
     def test_sizes_matter(self):
         for method in ("paper", "guaranteed"):
             cells = lambda *options: len(self.mesh("--method", method, "--background", "keep", *options)[1])
@@ -182,6 +203,9 @@ class Reports(ProgramTest):
         self.assertEqual(report["lost_labels"], [])
         self.assertEqual(report["options"]["min-size"], "1vox")
         self.assertEqual(report["options"]["background"], "drop")
+        self.assertEqual(report["options"]["method"], "guaranteed")
+        self.assertGreaterEqual(report["quality"]["min_dihedral"], report["guarantee"]["quality_floor"])
+        self.assertIn("stopped", report["guarantee"]["improve"])
         self.assertTrue(report["version"])
         by_label = {l["label"]: l for l in report["labels"]}
         self.assertEqual(set(by_label), {0, 1, 2})

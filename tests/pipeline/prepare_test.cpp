@@ -75,6 +75,20 @@ TEST(Prepare, CutsOutARegionThatStaysInItsPlace) {
   }
 }
 
+TEST(Prepare, CropsGreyValuesAsLabels) {
+  const auto image = testing::noise_image<2>({13, 11}, 6, 4);
+  GreyImage<2> grey{image.extent, image.frame, {}};
+  for (const std::int32_t v : values(image)) grey.values.push_back(static_cast<float>(v));
+  const auto labels = prepared(image, {.roi = "3:7,2:11"});
+  const auto part = crop_image(grey, "3:7,2:11");
+  EXPECT_EQ(part.extent, labels.extent);
+  EXPECT_EQ(part.frame.origin, labels.frame.origin);
+  const std::vector<std::int32_t> expected = values(labels);
+  EXPECT_EQ(std::vector<std::int32_t>(part.values.begin(), part.values.end()), expected);
+  EXPECT_EQ(crop_image(grey, "").values, grey.values);
+  EXPECT_THROW(crop_image(grey, "0:14,0:11"), Error);
+}
+
 TEST(Prepare, RefusesWhatMakesNoSense) {
   const auto image = testing::noise_image<2>({13, 11}, 6, 4);
   for (const char* roi : {"0:1", "0:14,0:11", "3:3,0:1", "-1:2,0:1", "a:2,0:1", "1:2,1:2,1:2", "5:2,0:1"})

@@ -84,6 +84,25 @@ Region<Dim> parse_roi(const std::string& text, const Coord<Dim>& extent) {
   return region;
 }
 
+/// Where a part of an image lies.
+template <int Dim>
+Frame<Dim> frame_of(const Region<Dim>& region, Frame<Dim> frame) {
+  Vec<Dim> centre{};  // of its first voxel
+  for (int d = 0; d < Dim; ++d) centre[d] = (region.begin[d] + 0.5) * frame.spacing[d];
+  frame.origin = to_world(frame, centre);
+  return frame;
+}
+
+/// Calls f(position in the region, position in the image) for all voxels of a region.
+template <int Dim, class F>
+void for_each_voxel(const Region<Dim>& region, const Coord<Dim>& extent, F&& f) {
+  for (std::int64_t i = 0; i < product(region.extent); ++i) {
+    Coord<Dim> voxel = coord_of(i, region.extent);
+    for (int d = 0; d < Dim; ++d) voxel[d] += region.begin[d];
+    f(i, linear_index(voxel, extent));
+  }
+}
+
 /// Cuts out the region and numbers the materials by first appearance.
 template <int Dim>
 LabelImage<Dim> rebuild(const LabelImage<Dim>& image, const Relabelling& to, const Region<Dim>& region) {
@@ -98,24 +117,18 @@ LabelImage<Dim> rebuild(const LabelImage<Dim>& image, const Relabelling& to, con
 
   LabelImage<Dim> result;
   result.extent = region.extent;
-  result.frame = image.frame;
-  Vec<Dim> corner{};
-  for (int d = 0; d < Dim; ++d) corner[d] = (region.begin[d] + 0.5) * image.frame.spacing[d];
-  result.frame.origin = to_world(image.frame, corner);
-  const std::int64_t n = product(region.extent);
-  result.voxels = CompactArray(n, image.labels.size());
+  result.frame = frame_of(region, image.frame);
+  result.voxels = CompactArray(product(region.extent), image.labels.size());
   std::vector<MaterialId> renumbered(to.labels.size(), kOutside);
-  for (std::int64_t i = 0; i < n; ++i) {
-    Coord<Dim> voxel = coord_of(i, region.extent);
-    for (int d = 0; d < Dim; ++d) voxel[d] += region.begin[d];
-    const MaterialId m = same[image.material(voxel)];
+  for_each_voxel(region, image.extent, [&](std::int64_t i, std::int64_t from) {
+    const MaterialId m = same[image.voxels[from]];
     if (renumbered[m] == kOutside) {
       renumbered[m] = static_cast<MaterialId>(result.labels.size());
       result.labels.push_back(to.labels[m]);
       if (!to.names.empty()) result.names.push_back(to.names[m]);
     }
     result.voxels.set(i, renumbered[m]);
-  }
+  });
   return result;
 }
 
@@ -142,6 +155,20 @@ LabelImage<Dim> prepare_image(LabelImage<Dim> image, const PrepareOptions& optio
   return image;
 }
 
+template <int Dim>
+GreyImage<Dim> crop_image(GreyImage<Dim> image, const std::string& roi) {
+  if (roi.empty()) return image;
+  const Region<Dim> region = parse_roi(roi, image.extent);
+  GreyImage<Dim> result{region.extent, frame_of(region, image.frame), {}};
+  result.values.resize(static_cast<std::size_t>(product(region.extent)));
+  for_each_voxel(region, image.extent, [&](std::int64_t i, std::int64_t from) {
+    result.values[static_cast<std::size_t>(i)] = image.values[static_cast<std::size_t>(from)];
+  });
+  return result;
+}
+
+template GreyImage<2> crop_image(GreyImage<2>, const std::string&);
+template GreyImage<3> crop_image(GreyImage<3>, const std::string&);
 template LabelImage<2> prepare_image(LabelImage<2>, const PrepareOptions&, Execution&);
 template LabelImage<3> prepare_image(LabelImage<3>, const PrepareOptions&, Execution&);
 

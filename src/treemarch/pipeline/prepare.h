@@ -26,6 +26,10 @@ struct PrepareOptions {
 template <int Dim>
 LabelImage<Dim> prepare_image(LabelImage<Dim> image, const PrepareOptions& options, Execution& execution);
 
+/// The part of a grey image that a roi names, as in PrepareOptions. \throw Error(usage)
+template <int Dim>
+GreyImage<Dim> crop_image(GreyImage<Dim> image, const std::string& roi);
+
 /// The material with a label, or kOutside where there is none.
 MaterialId material_of(const std::vector<std::int32_t>& labels, std::int32_t label);
 
