@@ -98,7 +98,7 @@ TEST(MeshImage, WithoutBackgroundTheRestIsTheSame) {
     const Mesh<3> with = meshed(image, options);
     const auto of_five = [&](const Mesh<3>& mesh) { return measure_labels(mesh, Execution(1)).labels.back(); };
     EXPECT_EQ(of_five(without).cells, of_five(with).cells);
-    EXPECT_EQ(of_five(without).volume, of_five(with).volume);
+    EXPECT_NEAR(of_five(without).volume / of_five(with).volume, 1, 1e-12);  // summed in another order
     EXPECT_EQ(without.cell_count(), of_five(with).cells);
     EXPECT_TRUE(validate(without, Execution(1)).sound());
   }
