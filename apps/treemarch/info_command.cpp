@@ -50,7 +50,7 @@ nlohmann::ordered_json describe(const std::string& path, const LabelImage<Dim>& 
                               {"volume", static_cast<double>(voxels[m]) * voxel_volume},
                               {"components", components[m]}});
   }
-  json["interface_voxels"] = estimate.interface_voxels;
+  json["interface_area"] = estimate.interface_area;
   json["estimated_cells"] = estimate.cells;
   json["estimated_memory_bytes"] = estimate.memory_bytes;
   return json;

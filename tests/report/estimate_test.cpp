@@ -8,30 +8,33 @@ namespace treemarch {
 namespace {
 
 template <int Dim>
-std::int64_t count_at_interfaces(const LabelImage<Dim>& image) {
-  std::int64_t n = 0;
+double area_by_pairs(const LabelImage<Dim>& image) {
+  double area = 0;
   for (std::int64_t i = 0; i < product(image.extent); ++i) {
-    bool differs = false;
     for (int d = 0; d < Dim; ++d) {
-      for (const int step : {-1, 1}) {
-        Coord<Dim> c = coord_of(i, image.extent);
-        c[d] += step;
-        differs |= c[d] >= 0 && c[d] < image.extent[d] && image.material(c) != image.voxels[i];
-      }
+      Coord<Dim> c = coord_of(i, image.extent);
+      if (++c[d] == image.extent[d] || image.material(c) == image.voxels[i]) continue;
+      double face = 1;
+      for (int other = 0; other < Dim; ++other)
+        if (other != d) face *= image.frame.spacing[other];
+      area += face;
     }
-    n += differs;
   }
-  return n;
+  return area;
 }
 
-TEST(Estimate, CountsVoxelsAtInterfaces) {
+TEST(Estimate, MeasuresTheInterfaces) {
+  Frame<2> flat;
+  flat.spacing = {2, 0.5};
+  Frame<3> solid;
+  solid.spacing = {0.5, 0.7, 3};
   for (unsigned seed = 0; seed < 5; ++seed) {
-    const auto flat = testing::noise_image<2>({9, 14}, 2, seed);
-    EXPECT_EQ(estimate_mesh(flat).interface_voxels, count_at_interfaces(flat));
-    const auto solid = testing::noise_image<3>({9, 4, 7}, 2, seed);
-    EXPECT_EQ(estimate_mesh(solid).interface_voxels, count_at_interfaces(solid));
+    const auto image2 = testing::noise_image<2>({9, 14}, 2, seed, flat);
+    EXPECT_NEAR(estimate_mesh(image2).interface_area, area_by_pairs(image2), 1e-9);
+    const auto image3 = testing::noise_image<3>({9, 4, 7}, 2, seed, solid);
+    EXPECT_NEAR(estimate_mesh(image3).interface_area, area_by_pairs(image3), 1e-9);
   }
-  EXPECT_EQ(estimate_mesh(testing::noise_image<3>({9, 4, 7}, 1, 0)).interface_voxels, 0);
+  EXPECT_EQ(estimate_mesh(testing::noise_image<3>({9, 4, 7}, 1, 0)).interface_area, 0);
 }
 
 TEST(Estimate, GrowsWithTheInterface) {

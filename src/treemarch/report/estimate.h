@@ -9,12 +9,12 @@
 namespace treemarch {
 
 struct MeshEstimate {
-  std::int64_t interface_voxels = 0;  ///< with a neighbour of another material across a face
-  std::int64_t cells = 0;         ///< with one-voxel cells at interfaces, the background included; within a factor 2
+  double interface_area = 0;      ///< of the faces between voxels of different materials (2D: their length), physical
+  std::int64_t cells = 0;         ///< with cells of the smallest spacing at interfaces, the background included
   std::int64_t memory_bytes = 0;  ///< of the whole process at its peak
 };
 
-/// Estimates from the number of voxels at interfaces.
+/// Estimates for the default method, from the area of the interfaces; expect a factor of two.
 template <int Dim>
 MeshEstimate estimate_mesh(const LabelImage<Dim>& image);
 
