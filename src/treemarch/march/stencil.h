@@ -1,6 +1,6 @@
 /// \file
 /// How a lattice simplex is split by the cuts on its edges: the default method's rule, recursive in dimension.
-/// See docs/stages/march.md for the rule and for the proof of its bound.
+/// See docs/stages/cut.md for the rule and for the proof of its bound.
 #pragma once
 
 #include <array>

@@ -9,7 +9,7 @@
 
 namespace treemarch {
 
-/// The paper's method (docs/stages/paper_march.md). Meshes the background too.
+/// The paper's method (docs/stages/march-paper.md). Meshes the background too.
 template <int Dim>
 Mesh<Dim> mesh_by_paper(const LabelImage<Dim>& image, const MeshOptions& options, Execution& execution);
 
