@@ -65,18 +65,20 @@ void lower(T& value, T to) {
   }
 }
 
-/// Gives each voxel the smallest material of the simplices that contain its centre: the same for any order of them.
+/// Gives each voxel the material of the simplex that contains its centre. Where several do, its own material wins, then
+/// the smallest: the same for any order of the simplices.
 template <class T, int Dim>
 class Painter {
  public:
   static constexpr T kNone = std::numeric_limits<T>::max();
+  static constexpr T kOwn = 0;  ///< the voxel's own material; others are stored as their number + 1
 
   explicit Painter(const LabelImage<Dim>& image)
       : image_(image), owner_(static_cast<std::size_t>(product(image.extent)), kNone) {
     for (int d = 0; d < Dim; ++d) voxels_per_length_[d] = 1 / image.frame.spacing[d];
   }
 
-  void paint(const Simplex<Dim>& simplex, T material) {
+  void paint(const Simplex<Dim>& simplex, MaterialId material) {
     std::array<Span, Dim> spans;
     for (int d = 0; d < Dim; ++d) {
       spans[d] = centres_between(simplex, d, voxels_per_length_[d], image_.extent[d]);
@@ -87,11 +89,13 @@ class Painter {
     Coord<Dim> voxel;
     for (int d = 0; d < Dim; ++d) voxel[d] = spans[d].begin;
     while (true) {
-      T& owner = owner_[static_cast<std::size_t>(linear_index(voxel, image_.extent))];
-      if (material < std::atomic_ref(owner).load(std::memory_order_relaxed)) {
+      const std::int64_t v = linear_index(voxel, image_.extent);
+      const T paint = image_.voxels[v] == material ? kOwn : static_cast<T>(material + 1);
+      T& owner = owner_[static_cast<std::size_t>(v)];
+      if (paint < std::atomic_ref(owner).load(std::memory_order_relaxed)) {
         Vec<Dim> centre;
         for (int d = 0; d < Dim; ++d) centre[d] = (voxel[d] + 0.5) * image_.frame.spacing[d];
-        if (barycentric.contains(centre, kTolerance)) lower(owner, material);
+        if (barycentric.contains(centre, kTolerance)) lower(owner, paint);
       }
       int d = 0;
       while (d < Dim && ++voxel[d] == spans[d].end) {
@@ -125,8 +129,7 @@ Overlap overlap(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, const std::
     for (std::int64_t c = range.begin; c < range.end; ++c) {
       const MaterialId material = to_image[range.block->materials[static_cast<std::size_t>(c)]];
       if (material == kOutside) continue;
-      for_each_simplex(mesh, *range.block, c,
-                       [&](const Simplex<Dim>& simplex) { painter.paint(simplex, static_cast<T>(material)); });
+      for_each_simplex(mesh, *range.block, c, [&](const Simplex<Dim>& simplex) { painter.paint(simplex, material); });
     }
   });
 
@@ -138,11 +141,15 @@ Overlap overlap(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, const std::
     Overlap& sum = partial[static_cast<std::size_t>(b)] = Overlap(materials);
     for (std::int64_t v = b * block; v < std::min(voxels, (b + 1) * block); ++v) {
       const MaterialId in_image = image.voxels[v];
-      const T in_mesh = painter.owner()[static_cast<std::size_t>(v)];
+      const T paint = painter.owner()[static_cast<std::size_t>(v)];
       ++sum.image[in_image];
-      if (in_mesh == Painter<T, Dim>::kNone) continue;
-      ++sum.mesh[in_mesh];
-      if (in_mesh == in_image) ++sum.both[in_image];
+      if (paint == Painter<T, Dim>::kNone) continue;
+      if (paint == Painter<T, Dim>::kOwn) {
+        ++sum.mesh[in_image];
+        ++sum.both[in_image];
+      } else {
+        ++sum.mesh[paint - 1];
+      }
     }
   });
   Overlap total(materials);
@@ -160,8 +167,8 @@ Overlap overlap(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, const std::
 template <int Dim>
 Overlap overlap(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, const std::vector<MaterialId>& to_image,
                 const Execution& execution) {
-  if (image.labels.size() < 0xff) return overlap<std::uint8_t>(image, mesh, to_image, execution);
-  if (image.labels.size() < 0xffff) return overlap<std::uint16_t>(image, mesh, to_image, execution);
+  if (image.labels.size() < 0xfe) return overlap<std::uint8_t>(image, mesh, to_image, execution);
+  if (image.labels.size() < 0xfffe) return overlap<std::uint16_t>(image, mesh, to_image, execution);
   return overlap<std::uint32_t>(image, mesh, to_image, execution);
 }
 

@@ -41,7 +41,7 @@ template <int Dim>
 Fidelity measure_labels(const Mesh<Dim>& mesh, const Execution& execution);
 
 /// Compares a mesh with the image that it was made from. A voxel belongs to the cell that contains its centre; where
-/// several do, to the material that comes first in the image.
+/// several do, its own material counts if it is among them, else the one that comes first in the image.
 /// \param background label that may be missing from the mesh.
 /// \pre the points are in the inner frame of the image. Labels are compared by value.
 template <int Dim>
