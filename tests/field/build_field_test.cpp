@@ -56,7 +56,7 @@ double filtered(const LabelImage<Dim>& image, const Coord<Dim>& at, MaterialId l
   };
   const int sum = Dim == 3 ? 256 : 4096;
   const Kernel g = gaussian_kernel(sigma, sum);
-  const Kernel h = gaussian_kernel(sigma * std::sqrt(2.0), sum);
+  const Kernel h = gaussian_kernel(sigma * std::sqrt(3.0), sum);
   const int r = h.radius();
   Coord<Dim> window{};
   window.fill(2 * r + 1);
@@ -98,8 +98,12 @@ TYPED_TEST(BuildFieldTest, MatchesAPlainSumAtVoxels) {
           for (MaterialId m = 0; m < image.labels.size(); ++m) {
             const double expected = std::max(0.0, filtered(image, c, m, kind, sigma));
             const float found = field.weight(centre_of(c), m);
-            // Far from interfaces a label simply weighs 1; weights below 1/512 are left out.
-            EXPECT_NEAR(found, expected, found == 1 ? 0.1 : found == 0 ? 0.0021 : 3e-5);
+            // Far from interfaces a label simply weighs 1, though dgf overshoots there; weights below 1/512 are left
+            // out.
+            if (found == 1)
+              EXPECT_GT(expected, 0.9);
+            else
+              EXPECT_NEAR(found, expected, found == 0 ? 0.0021 : 3e-5);
           }
         }
       }
@@ -391,7 +395,7 @@ constexpr Bound kBounds[] = {
     {"linear", FieldKind::linear, {0.187, 21.6, 0.31}, {0.182, 21.7, 0.68}},
     {"bspline3", FieldKind::bspline3, {0.138, 12.4, 0.68}, {0.138, 12.2, 1.83}},
     {"gauss", FieldKind::gauss, {0.124, 4.5, 2.39}, {0.171, 4.7, 7.25}},
-    {"dgf", FieldKind::dgf, {0.101, 5.8, 1.21}, {0.114, 5.8, 3.40}},
+    {"dgf", FieldKind::dgf, {0.094, 5.9, 0.64}, {0.095, 5.8, 1.45}},
     {"grey", FieldKind::grey, {0.052, 7.9, 0.54}, {0.058, 8.2, 1.66}},
 };
 
@@ -402,9 +406,12 @@ TEST(BuildField, SurfacesOfBallAndTorusAreWithinTheTable) {
     const MaterialId inside = 1;  // the corner of the image is outside
     for (const Bound& bound : kBounds) {
       Execution execution(2);
+      FieldOptions options;
+      options.kind = bound.kind;
+      options.sigma = 1;
       const auto field = bound.kind == FieldKind::grey
-                             ? build_grey_field(image, partial_volume(shape), 125, {}, execution)
-                             : field_of(image, bound.kind);
+                             ? build_grey_field(image, partial_volume(shape), 125, options, execution)
+                             : build_field(image, options, execution);
       const Accuracy found = accuracy(shape, field, inside, 0);
       const Accuracy most = round ? bound.ball : bound.torus;
       SCOPED_TRACE(std::string(bound.name) + (round ? ", ball" : ", torus"));

@@ -1,5 +1,6 @@
 #include "treemarch/field/kernel.h"
 
+#include <algorithm>
 #include <cmath>
 
 // One clone a vector width; all give the same bits, since every sum is exact. Sanitizers do not get on with the
@@ -39,6 +40,10 @@ void convolve_taps(const float* in, float* out, int n, std::ptrdiff_t stride, co
       return convolve_fixed<3>(in, out, n, stride, tap);
     case 4:
       return convolve_fixed<4>(in, out, n, stride, tap);
+    case 5:
+      return convolve_fixed<5>(in, out, n, stride, tap);
+    case 6:
+      return convolve_fixed<6>(in, out, n, stride, tap);
     default:
       return convolve_any(in, out, n, stride, tap, radius);
   }
@@ -47,7 +52,7 @@ void convolve_taps(const float* in, float* out, int n, std::ptrdiff_t stride, co
 }  // namespace
 
 Kernel gaussian_kernel(double sigma, int sum) {
-  const int radius = static_cast<int>(std::ceil(3 * sigma));
+  const int radius = std::max(1, static_cast<int>(std::lround(3 * sigma)));
   std::vector<double> exact(static_cast<std::size_t>(radius) + 1);
   double total = 0;
   for (int k = 0; k <= radius; ++k) {

@@ -32,7 +32,7 @@ struct MeshOptions {
   std::optional<FieldKind> field;  ///< separating function; the method's own where it is not given
   std::optional<double> snap;      ///< fraction of an edge within which a vertex moves onto a surface; as field
   std::optional<int> smooth;       ///< smoothing steps; as field
-  double sigma = 1;                ///< smoothing of the guaranteed method's field, in voxels along each axis
+  double sigma = kDefaultSigma;    ///< smoothing of the guaranteed method's field, in voxels along each axis
   double quality_floor = 18;       ///< guaranteed method: no quality (mesh/simplex_quality.h) below this after the cut
   double quality = 20;             ///< guaranteed method: improve elements below this; 0 leaves them as they were cut
   bool closed_border = false;      ///< materials that touch the side of the image end there rounded, not cut off flat
