@@ -117,6 +117,15 @@ bool looks_grey(const EncodedLabels& encoded) {
   return n >= 4096 && encoded.labels.size() > 100 && encoded.changes > n / 2;
 }
 
+/// A side within the rounding of single precision of a number of six digits is that number: affines are often stored in
+/// single precision, and the same voxels must mesh alike in every frame.
+double without_rounding(double side) {
+  constexpr double kSinglePrecision = 2e-7;
+  const double scale = std::pow(10.0, 5 - std::floor(std::log10(side)));
+  const double round = std::round(side * scale) / scale;
+  return std::abs(round - side) <= kSinglePrecision * side ? round : side;
+}
+
 }  // namespace
 
 template <int Dim>
@@ -131,7 +140,7 @@ Frame<Dim> make_frame(const std::string& path, const RawImage& raw) {
     if (!std::isfinite(length) || !std::isfinite(raw.origin[c]))
       fail(path, "its spacing or origin along " + name + " is not a number; repair the header");
     if (!(length > 0)) fail(path, "the spacing of " + name + " is 0; repair the header");
-    frame.spacing[c] = length;
+    frame.spacing[c] = length = without_rounding(length);
     frame.origin[c] = raw.origin[c];
     for (std::size_t r = 0; r < dims; ++r) {
       unit[c][r] = raw.axis[c][r] / length;

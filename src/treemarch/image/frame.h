@@ -13,7 +13,8 @@ namespace treemarch {
 /// Index space: voxel (i, j, k) is the cell [i, i+1] x [j, j+1] x [k, k+1], its centre at i + 1/2. Inner frame: index
 /// space times the spacing; all stages work there, so that lengths and angles are real. World of an inner point x:
 ///     world = origin + direction * (x - spacing / 2)
-/// The columns of `direction` have unit length; they are orthogonal unless the affine is sheared.
+/// The columns of `direction` have unit length, up to single precision where the file has no more; they are orthogonal
+/// unless the affine is sheared.
 template <int Dim>
 struct Frame {
   Vec<Dim> spacing = filled(1.0);                    ///< physical sides of a voxel, > 0

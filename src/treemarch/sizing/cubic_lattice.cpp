@@ -28,20 +28,19 @@ double stretch(const Lattice<Dim>& lattice) {
 template <int Dim>
 SizedLattice<Dim> choose_cubic_lattice(const LabelImage<Dim>& image, double smallest, double largest) {
   constexpr double kSmallestPart = 0.8;
-  constexpr double kRounding = 1 + 1e-9;
   const Vec<Dim> box = image.size();
   // Candidates are the sides that divide one of the axes.
   SizedLattice<Dim> best;
   double best_stretch = 0, best_side = 0;
   for (int d = 0; d < Dim; ++d) {
-    const auto fewest = static_cast<std::int64_t>(std::ceil(box[d] / smallest / kRounding));
+    const auto fewest = static_cast<std::int64_t>(std::ceil(box[d] / smallest / kSizeTolerance));
     const auto most = static_cast<std::int64_t>(std::floor(box[d] / (smallest * kSmallestPart)));
     for (std::int64_t n = std::max<std::int64_t>(1, fewest); n <= std::max(most, std::max<std::int64_t>(1, fewest));
          ++n) {
       const Lattice<Dim> lattice = fill(box, box[d] / static_cast<double>(n));
       const double ratio = std::max(stretch(lattice), kMostStretch);  // below that bound all are as good
       const double side = *std::max_element(lattice.unit.begin(), lattice.unit.end());
-      const bool fits = side <= smallest * kRounding || best_side > side;
+      const bool fits = side <= smallest * kSizeTolerance || best_side > side;
       if (best_side == 0 || (fits && (ratio < best_stretch || (ratio == best_stretch && side > best_side)))) {
         best.lattice = lattice;
         best_stretch = ratio;
@@ -54,7 +53,7 @@ SizedLattice<Dim> choose_cubic_lattice(const LabelImage<Dim>& image, double smal
   const auto cells = *std::max_element(best.lattice.extent.begin(), best.lattice.extent.end());
   for (int level = 0; level < 16; ++level) {
     const double root = std::ldexp(best_side, level + 1);
-    if (level > 0 && (root > largest * kRounding || (std::int64_t{1} << level) >= cells)) break;
+    if (level > 0 && (root > largest * kSizeTolerance || (std::int64_t{1} << level) >= cells)) break;
     best.pattern.factors.push_back(two);
   }
   best.deepest_level = best.pattern.finest_level();

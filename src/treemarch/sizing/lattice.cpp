@@ -12,8 +12,6 @@
 namespace treemarch {
 namespace {
 
-constexpr double kRounding = 1 + 1e-9;
-
 [[noreturn]] void bad_pattern(std::string_view text) {
   throw Error(ErrorKind::usage, "--pattern: '" + std::string(text) +
                                     "' is no pattern; give 'auto', or factors from 1 to 64 such as '2', '2x2x1' or "
@@ -59,7 +57,7 @@ void check_sizes(const SizingRule& rule) {
     if (!std::isfinite(size) || size < 0)
       throw Error(ErrorKind::usage,
                   std::string(option) + ": " + text_of(size) + " is no size; give a length greater than 0");
-    if (rule.max_size > 0 && size > rule.max_size * kRounding)
+    if (rule.max_size > 0 && size > rule.max_size * kSizeTolerance)
       throw Error(ErrorKind::usage, std::string(option) + ": " + text_of(size) + " is above the largest size " +
                                         text_of(rule.max_size) + "; choose a smaller one or a larger --max-size");
   };
@@ -88,7 +86,7 @@ Coord<Dim> whole_voxels(const Vec<Dim>& spacing, const Coord<Dim>& extent, doubl
   Coord<Dim> n{};
   for (int d = 0; d < Dim; ++d)
     n[d] = std::max<std::int32_t>(
-        1, static_cast<std::int32_t>(std::min<double>(extent[d], size / spacing[d] * kRounding)));
+        1, static_cast<std::int32_t>(std::min<double>(extent[d], size / spacing[d] * kSizeTolerance)));
   return n;
 }
 
@@ -96,7 +94,7 @@ Coord<Dim> whole_voxels(const Vec<Dim>& spacing, const Coord<Dim>& extent, doubl
 /// spacing, each side is as near as it can be (on the scale of ratios) to a common one, so that no two differ by 2.
 template <int Dim>
 Coord<Dim> isotropic_voxels(const Vec<Dim>& spacing, const Coord<Dim>& extent, double size) {
-  if (size * kRounding >= longest(spacing)) return whole_voxels(spacing, extent, size);
+  if (size * kSizeTolerance >= longest(spacing)) return whole_voxels(spacing, extent, size);
   const double target = std::max(size, longest(spacing) / 1.4);
   Coord<Dim> n{};
   for (int d = 0; d < Dim; ++d) {
@@ -138,7 +136,7 @@ std::vector<Coord<Dim>> levels_above(const SizedLattice<Dim>& fine, const std::v
       cells[d] /= step[d];
       fits = fits && cells[d] > 0;
     }
-    if (!fits || longest(sides) > max_size * kRounding) break;
+    if (!fits || longest(sides) > max_size * kSizeTolerance) break;
     levels.push_back(step);
   }
   std::reverse(levels.begin(), levels.end());

@@ -22,7 +22,7 @@ class Levels {
         const Coord<Dim> cells = sized.pattern.cell_extent(l);
         double side = 0;
         for (int d = 0; d < Dim; ++d) side = std::max(side, cells[d] * sized.lattice.unit[d]);
-        if (side <= size * (1 + 1e-9)) break;
+        if (side <= size * kSizeTolerance) break;
       }
       return static_cast<std::uint8_t>(l);
     };

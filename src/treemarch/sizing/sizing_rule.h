@@ -24,6 +24,10 @@ struct SizingRule {
   std::vector<Interface> interface_size;  ///< overrides both materials' sizes at their interface
 };
 
+/// A side up to this factor above a size counts as that size: affines are often stored in single precision, which makes
+/// voxels that are meant to be cubes differ in the seventh digit.
+inline constexpr double kSizeTolerance = 1 + 1e-5;
+
 /// The largest cell in units of the smallest, where no largest size is given.
 inline constexpr int kDefaultCoarsening = 8;
 
