@@ -43,6 +43,10 @@ void add_mesh_options(CLI::App& mesh, MeshTextOptions& o) {
   add_choice<Method>(mesh, "--method", o.plain.method, {{"paper", Method::paper}, {"guaranteed", Method::guaranteed}},
                      "How the image is meshed")
       ->default_str("guaranteed");
+  add_choice<Elements>(mesh, "--elements", o.plain.elements,
+                       {{"tet", Elements::simplices}, {"hybrid", Elements::hybrid}},
+                       "Tetrahedra alone, or hexahedra where no surface comes, with pyramids between")
+      ->default_str("tet");
   mesh.add_option("--min-size", o.min_size,
                   "Smallest cells: 2mm, 2um, 2vox, a bare number is mm; default: as the image's structures ask");
   mesh.add_option("--max-size", o.max_size, "Largest cells; default by the method");

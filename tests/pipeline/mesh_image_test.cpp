@@ -146,6 +146,50 @@ TEST(MeshImage, AnglesOfTheDefaultAreBounded) {
   }
 }
 
+std::int64_t cells_of(const auto& mesh, CellType type) {
+  const auto block = std::ranges::find(mesh.blocks, type, &CellBlock::type);
+  return block == mesh.blocks.end() ? 0 : block->size();
+}
+
+/// Two balls in a box: sound, true to the image, and with far fewer cells than simplices alone.
+template <int Dim>
+void expect_good_hybrid(const LabelImage<Dim>& image, MeshOptions options) {
+  options.elements = Elements::hybrid;
+  expect_fills_box(image, options);
+  options.keep_background = true;
+  const Mesh<Dim> hybrid = meshed(image, options);
+  expect_same(hybrid, meshed(image, options, 1));
+  EXPECT_GT(cells_of(hybrid, Dim == 2 ? CellType::quad : CellType::hexahedron), 0);
+  EXPECT_GT(cells_of(hybrid, kSimplex<Dim>), 0);
+  options.elements = Elements::simplices;
+  const Mesh<Dim> plain = meshed(image, options);
+  EXPECT_LT(hybrid.cell_count(), plain.cell_count());
+  const Fidelity a = measure_fidelity(image, hybrid, 0, Execution(2)),
+                 b = measure_fidelity(image, plain, 0, Execution(2));
+  for (std::size_t i = 0; i < a.labels.size(); ++i) {
+    EXPECT_NEAR(a.labels[i].volume / b.labels[i].volume, 1, 0.01);
+    EXPECT_NEAR(a.labels[i].dice, b.labels[i].dice, 0.01);
+    EXPECT_EQ(a.labels[i].components, b.labels[i].components);
+  }
+  options.elements = Elements::hybrid;
+  options.keep_background = false;
+  EXPECT_TRUE(validate(meshed(image, options), Execution(1)).sound());
+}
+
+TEST(MeshImage, HybridMeshesAreSoundAndSmaller) {
+  Frame<3> solid;
+  solid.spacing = {0.7, 0.7, 1.4};
+  for (const char* pattern : {"auto", "3"}) {
+    MeshOptions options;
+    options.method = Method::paper;
+    options.pattern = pattern;
+    options.balance = *pattern == '3' ? kUnbalanced : 1;
+    expect_good_hybrid(testing::ball_image<2>({41, 38}, 0.3, 5), options);
+    expect_good_hybrid(testing::ball_image<3>({22, 21, 20}, 0.3, 5), options);
+    expect_good_hybrid(testing::ball_image<3>({22, 21, 10}, 0.3, 5, solid), options);
+  }
+}
+
 TEST(MeshImage, StopsWhenItIsAskedTo) {
   Execution execution(2);
   execution.cancel();
@@ -166,6 +210,7 @@ TEST(MeshImage, RefusesOptionsThatContradict) {
   refuses([](MeshOptions& o) { o.method = Method::paper, o.snap = 0.7; });
   refuses([](MeshOptions& o) { o.method = Method::paper, o.field = FieldKind::dgf; });
   refuses([](MeshOptions& o) { o.balance = 2; });
+  refuses([](MeshOptions& o) { o.elements = Elements::hybrid; });
   refuses([](MeshOptions& o) { o.smooth = 2; });
   refuses([](MeshOptions& o) { o.sizes.material_size = {0, -1}; });
 }

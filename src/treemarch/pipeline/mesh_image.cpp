@@ -39,6 +39,7 @@ void check_guaranteed(const MeshOptions& options) {
   if (options.snap) refuse("--snap: cannot be chosen");
   if (options.smooth) refuse("--smooth: is not done");
   if (!options.weights.empty()) refuse("--weight: has no meaning");
+  if (options.elements != Elements::simplices) refuse("--elements: must be tet");
   if (!(options.quality_floor >= 0 && options.quality_floor <= kMostQualityFloor))
     throw Error(ErrorKind::usage, "--quality-floor: must be from 0 to 18.4, the bound that is proved");
   if (!(options.quality >= 0 && options.quality <= kMostQuality))

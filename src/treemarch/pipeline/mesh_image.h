@@ -22,9 +22,16 @@ enum class Method {
   guaranteed,  ///< body-centred lattice and one cut for all materials, with a bound on the angles
 };
 
+/// What a mesh is made of.
+enum class Elements {
+  simplices,  ///< tetrahedra (2D: triangles) alone
+  hybrid,     ///< simplices at interfaces, hexahedra (2D: quads) where nothing is cut, pyramids between
+};
+
 /// What a mesh should be like.
 struct MeshOptions {
   Method method = Method::guaranteed;
+  Elements elements = Elements::simplices;
   SizingRule sizes;
   std::vector<double> weights;     ///< by material, for the majority in cells larger than a voxel; empty: all 1
   std::string pattern = "auto";    ///< refinement pattern, as parse_pattern() reads it

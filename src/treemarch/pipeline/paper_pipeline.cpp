@@ -11,6 +11,7 @@
 #include "treemarch/sizing/lattice.h"
 #include "treemarch/sizing/sizing.h"
 #include "treemarch/smooth/smooth.h"
+#include "treemarch/tessellate/leaf_shapes.h"
 #include "treemarch/tessellate/midpoint.h"
 
 namespace treemarch {
@@ -57,6 +58,15 @@ SmoothOptions smooth_options(const LabelImage<Dim>& image, const MeshOptions& op
   return smoothing;
 }
 
+/// Leaves stay whole where no vertex touches two materials: marching never comes there.
+template <int Dim>
+std::vector<LeafShape> hybrid_shapes(const Spacetree<Dim>& tree, const Execution& execution) {
+  std::vector<MaterialId> material;
+  material.reserve(tree.leaves.size());
+  for (const Leaf<Dim>& leaf : tree.leaves) material.push_back(leaf.material);
+  return choose_leaf_shapes<Dim>(tree, leaves_at_interfaces<Dim>(tree, material, execution), execution);
+}
+
 }  // namespace
 
 template <int Dim>
@@ -67,7 +77,11 @@ Mesh<Dim> mesh_by_paper(const LabelImage<Dim>& image, const MeshOptions& options
       build_spacetree<Dim>(sized.lattice, sized.pattern, required_levels(image, sized, options.sizes, execution),
                            options.balance, execution);
   assign_materials(tree, image, options.weights, execution);
-  Mesh<Dim> mesh = tessellate_midpoint(tree, {}, execution);
+  std::vector<LeafShape> shapes;
+  if (options.elements == Elements::hybrid) shapes = hybrid_shapes(tree, execution);
+  MidpointOptions tessellation;
+  tessellation.shapes = shapes;
+  Mesh<Dim> mesh = tessellate_midpoint(tree, tessellation, execution);
   tree = {};
   mesh.labels = image.labels;
   mesh.names = image.names;

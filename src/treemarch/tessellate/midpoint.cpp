@@ -54,6 +54,7 @@ class Complex {
   /// The first level whose cells are smaller than those of `level` along one of the axes; beyond the finest if none is.
   [[nodiscard]] int next_level(int level, AxisMask axes) const { return next_[level][axes]; }
   [[nodiscard]] LatticePoints<Dim>& points() { return points_; }
+  [[nodiscard]] LeafId leaf_at(const Coord<Dim>& cell) const { return tree_.leaf_at(cell); }
 
   /// Whether a leaf that touches the interior of the face is smaller than it, within the face. The grids of the levels
   /// are nested, hence the first refinement along the face divides all of it, and its lower corner tells.
@@ -112,14 +113,21 @@ class Complex {
   std::vector<std::array<int, kAllAxes<Dim> + 1>> next_;
 };
 
-/// Divides one leaf after the other into simplices, given to a visitor as corners in half units.
+/// Divides one leaf after the other into cells, given to a visitor as corners in half units: simplices, pyramids (3D)
+/// and boxes, told apart by their number of corners.
 template <int Dim, class Visit>
 class Divider {
  public:
-  Divider(Complex<Dim>& complex, bool templates, Visit visit)
-      : complex_(complex), templates_(templates), visit_(std::move(visit)) {}
+  Divider(Complex<Dim>& complex, const MidpointOptions& options, Visit visit)
+      : complex_(complex), options_(options), visit_(std::move(visit)) {}
 
-  void divide(const Leaf<Dim>& leaf) { whole<Dim>({leaf.corner, kAllAxes<Dim>, leaf.level}); }
+  void divide(LeafId id, const Leaf<Dim>& leaf) {
+    const Face<Dim> all{leaf.corner, kAllAxes<Dim>, leaf.level};
+    const LeafShape shape = shape_of(id);
+    if (shape == LeafShape::box) return box(all);
+    templates_ = options_.templates && shape == LeafShape::simplices;
+    whole<Dim>(all);
+  }
 
  private:
   /// A face that may consist of smaller ones.
@@ -157,6 +165,8 @@ class Divider {
       // The facets of a leaf must be divided in the same way whatever `templates` says about the leaf itself.
       const bool regular = K < 4 && (K < Dim || templates_) && complex_.is_regular(face);
       if constexpr (K == 2) {
+        if constexpr (Dim == 3)
+          if (regular && stays_whole(face)) return pyramid(face);
         if (regular) return rectangle(face);
       }
       if constexpr (K == 3) {
@@ -179,6 +189,56 @@ class Divider {
       facet.corner[d] += side[d];
       any<K - 1>(facet);
     }
+  }
+
+  [[nodiscard]] LeafShape shape_of(LeafId id) const {
+    return options_.shapes.empty() ? LeafShape::simplices : options_.shapes[id];
+  }
+
+  /// Whether neither of the leaves at a facet is to become simplices.
+  [[nodiscard]] bool stays_whole(const Face<Dim>& facet) const {
+    if (options_.shapes.empty()) return false;
+    for (const unsigned side : {0U, 1U}) {
+      Coord<Dim> cell = facet.corner;
+      for (int d = 0; d < Dim; ++d)
+        if ((facet.axes >> d & 1U) == 0) cell[d] -= static_cast<std::int32_t>(side);
+      const LeafId id = complex_.leaf_at(cell);
+      if (id != kNoLeaf && shape_of(id) == LeafShape::simplices) return false;
+    }
+    return true;
+  }
+
+  /// Joins a facet to the centre of the leaf.
+  void pyramid(const Face<Dim>& facet) {
+    int normal = 0;
+    while ((facet.axes >> normal & 1U) != 0) ++normal;
+    std::array<Coord<Dim>, 5> cell{};
+    ring(facet, cell.data());
+    cell[4] = simplex_[3];
+    // The ring is counter-clockwise around the cross product of its axes, which is against the second axis.
+    const bool above = cell[4][normal] > cell[0][normal];
+    if (above == (normal == 1)) std::swap(cell[1], cell[3]);
+    visit_(cell);
+  }
+
+  /// The leaf as one cell.
+  void box(const Face<Dim>& leaf) {
+    if constexpr (Dim == 2 || Dim == 3) {
+      std::array<Coord<Dim>, (1 << Dim)> cell{};
+      Face<Dim> bottom{leaf.corner, 3, leaf.level};
+      ring(bottom, cell.data());
+      if constexpr (Dim == 3) {
+        bottom.corner[2] += complex_.extent(leaf.level)[2];
+        ring(bottom, cell.data() + 4);
+      }
+      visit_(cell);
+    }
+  }
+
+  /// The four corners of a rectangle in a round.
+  void ring(const Face<Dim>& rectangle, Coord<Dim>* out) const {
+    const AxisMask first = rectangle.axes & (0U - rectangle.axes);
+    for (const AxisMask far : {0U, first, rectangle.axes, rectangle.axes ^ first}) *out++ = at(rectangle, far);
   }
 
   void rectangle(const Face<Dim>& face) {
@@ -228,13 +288,17 @@ class Divider {
   }
 
   /// Vertex i of the simplex becomes the corner of the face on the far side along the axes of `far`.
-  void corner(int i, const Face<Dim>& face, AxisMask far) {
+  void corner(int i, const Face<Dim>& face, AxisMask far) { simplex_[i] = at(face, far); }
+  [[nodiscard]] Coord<Dim> at(const Face<Dim>& face, AxisMask far) const {
     const Coord<Dim>& side = complex_.extent(face.level);
-    for (int d = 0; d < Dim; ++d) simplex_[i][d] = 2 * (face.corner[d] + ((far >> d & 1U) != 0 ? side[d] : 0));
+    Coord<Dim> half{};
+    for (int d = 0; d < Dim; ++d) half[d] = 2 * (face.corner[d] + ((far >> d & 1U) != 0 ? side[d] : 0));
+    return half;
   }
 
   Complex<Dim>& complex_;
-  bool templates_;
+  const MidpointOptions& options_;
+  bool templates_ = true;  // for the leaf at hand
   Visit visit_;
   std::array<Coord<Dim>, Dim + 1> simplex_{};
 };
@@ -264,6 +328,17 @@ bool is_positive(const std::array<Coord<Dim>, Dim + 1>& simplex) {
   return determinant<Dim>(m) > 0;
 }
 
+/// The cells of a hybrid mesh: simplices, pyramids, boxes.
+constexpr std::size_t kKinds = 3;
+using CellCounts = std::array<std::int64_t, kKinds>;
+template <int Dim>
+constexpr std::array<CellType, kKinds> kCellTypes{kSimplex<Dim>, CellType::pyramid,
+                                                  Dim == 2 ? CellType::quad : CellType::hexahedron};
+template <int Dim, std::size_t corners>
+constexpr std::size_t kind = corners == Dim + 1 ? 0
+                             : corners == 5     ? 1
+                                                : 2;
+
 template <int Dim>
 void insert_corners(const Spacetree<Dim>& tree, LatticePoints<Dim>& points, const Execution& execution) {
   parallel_for(execution, static_cast<std::int64_t>(tree.leaves.size()), kLeavesPerBlock, [&](std::int64_t i) {
@@ -290,45 +365,51 @@ Mesh<Dim> tessellate_midpoint(const Spacetree<Dim>& tree, const MidpointOptions&
   // Centres that the first pass inserts lie inside faces of two or more dimensions and so never on an edge, where
   // is_divided() looks: the order of the leaves does not matter.
   Complex<Dim> complex(tree, points);
-  std::vector<std::int64_t> first(static_cast<std::size_t>(block_count(leaves, kLeavesPerBlock)));
+  std::vector<CellCounts> first(static_cast<std::size_t>(block_count(leaves, kLeavesPerBlock)));
   const auto blocks = static_cast<std::int64_t>(first.size());
   const auto divide_block = [&](std::int64_t block, auto&& visit, auto&& after_leaf) {
-    Divider divider(complex, options.templates, visit);
+    Divider divider(complex, options, visit);
     for (std::int64_t i = block * kLeavesPerBlock; i < std::min(leaves, (block + 1) * kLeavesPerBlock); ++i) {
-      divider.divide(tree.leaves[i]);
+      divider.divide(static_cast<LeafId>(i), tree.leaves[i]);
       after_leaf(tree.leaves[i]);
     }
   };
   parallel_for(execution, blocks, 1, [&](std::int64_t b) {
-    std::int64_t count = 0;
+    CellCounts count{};
     divide_block(
-        b, [&](const auto&) { ++count; }, [](const auto&) {});
+        b, [&]<std::size_t N>(const std::array<Coord<Dim>, N>&) { ++count[kind<Dim, N>]; }, [](const auto&) {});
     first[b] = count;
   });
   execution.progress(0.5);
-  const std::int64_t cells = exclusive_scan(std::span(first));
+  CellCounts cells{};
+  for (CellCounts& c : first)
+    for (std::size_t k = 0; k < c.size(); ++k) cells[k] += std::exchange(c[k], cells[k]);
   points.number(execution);
 
   Mesh<Dim> mesh;
-  CellBlock block{kSimplex<Dim>, {}, {}};
-  block.vertices.resize(static_cast<std::size_t>(cells * (Dim + 1)));
-  block.materials.resize(static_cast<std::size_t>(cells));
+  std::array<CellBlock, kKinds> out;
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    out[k].type = kCellTypes<Dim>[k];
+    out[k].vertices.resize(static_cast<std::size_t>(cells[k] * vertex_count(out[k].type)));
+    out[k].materials.resize(static_cast<std::size_t>(cells[k]));
+  }
   parallel_for(execution, blocks, 1, [&](std::int64_t b) {
-    VertexId* vertex = block.vertices.data() + first[b] * (Dim + 1);
-    MaterialId* material = block.materials.data() + first[b];
-    const auto write = [&](const std::array<Coord<Dim>, Dim + 1>& simplex) {
-      for (int v = 0; v <= Dim; ++v) vertex[v] = points.id(simplex[v]);
-      if (!is_positive<Dim>(simplex)) std::swap(vertex[Dim - 1], vertex[Dim]);
-      vertex += Dim + 1;
+    CellCounts next = first[b], done = first[b];
+    const auto write = [&]<std::size_t N>(const std::array<Coord<Dim>, N>& cell) {
+      VertexId* vertex = out[kind<Dim, N>].vertices.data() + next[kind<Dim, N>]++ * static_cast<std::int64_t>(N);
+      for (std::size_t v = 0; v < N; ++v) vertex[v] = points.id(cell[v]);
+      if constexpr (N == Dim + 1)
+        if (!is_positive<Dim>(cell)) std::swap(vertex[Dim - 1], vertex[Dim]);
     };
     divide_block(b, write, [&](const Leaf<Dim>& leaf) {
-      MaterialId* end = block.materials.data() + (vertex - block.vertices.data()) / (Dim + 1);
-      std::fill(material, end, leaf.material);
-      material = end;
+      for (std::size_t k = 0; k < out.size(); ++k)
+        std::fill(out[k].materials.begin() + done[k], out[k].materials.begin() + next[k], leaf.material);
+      done = next;
     });
   });
   mesh.points = points.positions(tree.lattice, execution);
-  mesh.blocks.push_back(std::move(block));
+  for (std::size_t k = 0; k < out.size(); ++k)
+    if (out[k].size() > 0) mesh.blocks.push_back(std::move(out[k]));
   return mesh;
 }
 
