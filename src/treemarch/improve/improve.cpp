@@ -35,29 +35,6 @@ std::uint64_t scramble(std::uint64_t x) {
   return x ^ (x >> 31);
 }
 
-/// Whether no angle is beyond the bounds, without a root or a quotient; rounding may decide at the bound.
-/// \pre both cosines of the bound are those of an angle below 90 degrees (of 180 - the largest angle).
-[[gnu::always_inline]] inline bool surely_meets(const std::array<Vec<3>, 4>& p, double high2, double low2) {
-  const Vec<3> a = p[1] - p[0], b = p[2] - p[0], c = p[3] - p[0];
-  const Vec<3> n1 = cross(b, c), n2 = cross(c, a), n3 = cross(a, b);
-  const Vec<3> n0{-n1[0] - n2[0] - n3[0], -n1[1] - n2[1] - n3[1], -n1[2] - n2[2] - n3[2]};
-  const double s0 = dot(n0, n0), s1 = dot(n1, n1), s2 = dot(n2, n2), s3 = dot(n3, n3);
-  const auto within = [&](const Vec<3>& n, const Vec<3>& m, double s) {
-    const double d = dot(n, m), square = d * std::abs(d);
-    return square >= -high2 * s && square <= low2 * s;
-  };
-  return static_cast<int>(dot(a, n1) > 0) & within(n0, n1, s0 * s1) & within(n0, n2, s0 * s2) &
-         within(n0, n3, s0 * s3) & within(n1, n2, s1 * s2) & within(n1, n3, s1 * s3) & within(n2, n3, s2 * s3);
-}
-
-[[gnu::always_inline]] inline bool surely_meets(const std::array<Vec<2>, 3>& p, double high2, double low2) {
-  const Vec<2> u = p[1] - p[0], v = p[2] - p[0], w = p[2] - p[1];
-  const double uu = dot(u, u), vv = dot(v, v), ww = dot(w, w);
-  const auto within = [&](double d, double s) { return d * std::abs(d) <= high2 * s && -d * std::abs(d) <= low2 * s; };
-  return u[0] * v[1] - u[1] * v[0] > 0 && within(dot(u, v), uu * vv) && within(-dot(u, w), uu * ww) &&
-         within(dot(v, w), vv * ww);
-}
-
 struct Scan {
   std::vector<CellId> bad;  // up to kMargin above the target
   std::int64_t below = 0;
@@ -140,15 +117,14 @@ template <int Dim>
 Scan Improver<Dim>::scan_cells(MaterialsAround& around) const {
   const std::int64_t cells = mesh_.blocks[0].size();
   // A little more than the margin, so that rounding does not matter.
-  const QualityBound list(options_.quality + 2 * kMargin);
-  const double high2 = list.high * list.high, low2 = list.low * list.low;
+  const SquaredQualityBound list(QualityBound(options_.quality + 2 * kMargin));
   std::vector<std::vector<CellId>> part(static_cast<std::size_t>(block_count(cells, kBlock)));
   parallel_for(execution_, static_cast<std::int64_t>(part.size()), 1, [&](std::int64_t b) {
     const VertexId* v = mesh_.blocks[0].cell(b * kBlock);
     for (std::int64_t c = b * kBlock; c < std::min(cells, (b + 1) * kBlock); ++c, v += Dim + 1) {
       std::array<Vec<Dim>, Dim + 1> p;
       for (int k = 0; k <= Dim; ++k) p[k] = mesh_.points[v[k]];
-      if (!surely_meets(p, high2, low2)) part[b].push_back(static_cast<CellId>(c));
+      if (!meets(p, list)) part[b].push_back(static_cast<CellId>(c));
       if (around.size() == 0) continue;
       for (int k = 0; k <= Dim; ++k) around.add(v[k], mesh_.blocks[0].materials[c]);
     }

@@ -80,8 +80,7 @@ class Emitter {
   const CutGeometry<Dim>& geometry_;
   const Field<Dim>& field_;
   Execution& execution_;
-  std::vector<std::int8_t> choice_;  // of every simplex that is touched
-  std::vector<Counts> first_;        // per block
+  std::vector<Counts> first_;  // per block
   std::int64_t pieces_ = 0, first_cut_ = 0, first_triple_ = 0, first_inner_ = 0;
   std::vector<VertexId> cut_number_;
 };
@@ -89,22 +88,18 @@ class Emitter {
 template <int Dim>
 void Emitter<Dim>::count() {
   const auto n = static_cast<std::int64_t>(lattice_.simplices.size());
-  choice_.assign(n, -1);
   first_.resize(block_count(n, kBlock));
   parallel_for(execution_, static_cast<std::int64_t>(first_.size()), 1, [&](std::int64_t block) {
     Counts& counts = first_[block];
     for_block(block, [&](std::int64_t i) {
-      std::array<EdgeId, T::kEdges> edge;
-      if (!geometry_.touched(lattice_.simplices[i]) || geometry_.cuts_of(lattice_.simplices[i], edge) == 0) {
+      const SplitRecord split = geometry_.split(i);
+      if (split.pattern == 0) {
         ++counts.pieces;
         return;
       }
-      const auto local = geometry_.local(lattice_.simplices[i]);
-      const auto best = geometry_.choose(local, true);
-      const Stencil<Dim>& all = stencil<Dim>(local.pattern);
-      choice_[i] = static_cast<std::int8_t>(best.choice);
-      counts.pieces += static_cast<std::int64_t>(all.choices[best.choice].size());
-      counts.inner += Dim == 3 && all.apex[best.choice] == T::kInner;
+      const Stencil<Dim>& all = stencil<Dim>(split.pattern);
+      counts.pieces += static_cast<std::int64_t>(all.choices[split.choice].size());
+      counts.inner += Dim == 3 && all.apex[split.choice] == T::kInner;
     });
   });
   Counts sum;
@@ -154,7 +149,8 @@ void Emitter<Dim>::write(Mesh<Dim>& mesh) const {
     std::int64_t next_inner = first_inner_ + first_[b].inner;
     for_block(b, [&](std::int64_t i) {
       const auto& simplex = lattice_.simplices[i];
-      if (choice_[i] < 0) {
+      const SplitRecord split = geometry_.split(i);
+      if (split.pattern == 0) {
         std::copy(simplex.begin(), simplex.end(), block.vertices.begin() + next * (Dim + 1));
         if (!geometry_.touched(simplex)) {
           block.materials[next++] = snapped_.labels.of(simplex[0])[0];
@@ -167,7 +163,7 @@ void Emitter<Dim>::write(Mesh<Dim>& mesh) const {
         return;
       }
       const auto local = geometry_.local(simplex);
-      const Stencil<Dim>& all = stencil<Dim>(local.pattern);
+      const Stencil<Dim>& all = stencil<Dim>(split.pattern);
       std::array<VertexId, T::kPoints> number{};
       for (int k = 0; k <= Dim; ++k) number[k] = simplex[k];
       for (int e = 0; e < T::kEdges; ++e)
@@ -175,11 +171,11 @@ void Emitter<Dim>::write(Mesh<Dim>& mesh) const {
       for (int f = 0; f < T::kFaces; ++f)
         if (local.triple[f] >= 0) number[T::kTriple + f] = static_cast<VertexId>(first_triple_ + local.triple[f]);
       if constexpr (Dim == 3)
-        if (all.apex[choice_[i]] == T::kInner) {
+        if (all.apex[split.choice] == T::kInner) {
           number[T::kInner] = static_cast<VertexId>(next_inner);
           mesh.points[next_inner++] = local.point[T::kInner];
         }
-      for (const auto& piece : all.choices[choice_[i]]) {
+      for (const auto& piece : all.choices[split.choice]) {
         for (int k = 0; k <= Dim; ++k) block.vertices[next * (Dim + 1) + k] = number[piece[k]];
         block.materials[next++] = material_of<Dim>(piece, simplex, local.point, snapped_.labels, field_);
       }

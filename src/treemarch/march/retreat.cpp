@@ -178,35 +178,49 @@ void CutGeometry<Dim>::for_levels(const Simplex& simplex, const Local& local, F&
 }
 
 template <int Dim>
+bool CutGeometry<Dim>::settle(std::int64_t i, bool inner) {
+  const Simplex& simplex = lattice_.simplices[i];
+  std::array<EdgeId, T::kEdges> edge;
+  if (cuts_of(simplex, edge) == 0) {
+    std::array<Vec<Dim>, Dim + 1> p;
+    for (int k = 0; k <= Dim; ++k) p[k] = vertex_point(simplex[k]);
+    return meets(p, sure_) || meets(angle_range<Dim>(p), floor_);
+  }
+  const Local here = local(simplex);
+  const StencilChoice best = choose(here, inner);
+  split_[i].pattern = here.pattern & 0x3ffU;
+  split_[i].choice = static_cast<unsigned>(best.choice) & 0x3fU;
+  return meets(best.angles, floor_);
+}
+
+template <int Dim>
 void CutGeometry<Dim>::retreat(double quality_floor, Execution& execution) {
   constexpr int kWithoutInner = 2;   // rounds
   constexpr int kMostRounds = 1000;  // far more than levels can rise one by one around a vertex
+  constexpr double kSure = 1e-6;     // degrees above the floor, more than rounding can make
   floor_ = QualityBound(quality_floor);
+  sure_ = SquaredQualityBound(QualityBound(quality_floor + kSure));
   const auto n = static_cast<std::int64_t>(lattice_.simplices.size());
+  split_.assign(n, {});
   // Simplices that may fail: in the first round all that are touched, then those around points that retreated.
   std::vector<std::vector<std::int64_t>> pending(block_count(n, kBlock));
   const auto blocks = static_cast<std::int64_t>(pending.size());
-  parallel_for(execution, blocks, 1, [&](std::int64_t block) {
-    for (std::int64_t i = block * kBlock; i < std::min(n, (block + 1) * kBlock); ++i)
-      if (touched(lattice_.simplices[i])) pending[block].push_back(i);
-  });
   std::vector<std::uint8_t> vertex_rose;
   for (rounds = 0;; ++rounds) {
     std::atomic<bool> failed = false;
     parallel_for(execution, blocks, 1, [&](std::int64_t block) {
-      for (const std::int64_t i : pending[block]) {
-        const Simplex& simplex = lattice_.simplices[i];
-        if (rounds > 0) {
-          bool near = false;
-          for (const VertexId v : simplex) near |= vertex_rose[v] != 0;
-          if (!near) continue;
-        }
-        Local here = local(simplex);
-        if (meets(choose(here, rounds >= kWithoutInner).angles, floor_)) continue;
+      const auto settle_or_mark = [&](std::int64_t i) {
+        if (settle(i, rounds >= kWithoutInner)) return;
         failed.store(true, std::memory_order_relaxed);
-        for_levels(simplex, here, [](std::uint8_t& level) {
+        for_levels(lattice_.simplices[i], local(lattice_.simplices[i]), [](std::uint8_t& level) {
           std::atomic_ref<std::uint8_t>(level).fetch_or(kRise, std::memory_order_relaxed);
         });
+      };
+      if (rounds == 0) {
+        for (std::int64_t i = block * kBlock; i < std::min(n, (block + 1) * kBlock); ++i)
+          if (touched(lattice_.simplices[i])) settle_or_mark(i);
+      } else {
+        for (const std::int64_t i : pending[block]) settle_or_mark(i);
       }
     });
     if (!failed) break;
@@ -223,6 +237,14 @@ void CutGeometry<Dim>::retreat(double quality_floor, Execution& execution) {
     for (std::size_t v = 0; v < vertex_level_.size(); ++v) vertex_rose[v] = rise(vertex_level_[v]);
     for (std::uint8_t& level : cut_level_) rise(level);
     for (std::uint8_t& level : triple_level_) rise(level);
+    parallel_for(execution, blocks, 1, [&](std::int64_t block) {
+      pending[block].clear();
+      for (std::int64_t i = block * kBlock; i < std::min(n, (block + 1) * kBlock); ++i) {
+        bool near = false;
+        for (const VertexId v : lattice_.simplices[i]) near |= vertex_rose[v] != 0;
+        if (near && touched(lattice_.simplices[i])) pending[block].push_back(i);
+      }
+    });
   }
   const auto count = [](const std::vector<std::uint8_t>& levels) {
     return std::count_if(levels.begin(), levels.end(), [](std::uint8_t l) { return l != 0; });

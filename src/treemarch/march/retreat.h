@@ -14,6 +14,13 @@
 
 namespace treemarch {
 
+/// How a simplex is split: the pattern of its cuts and diagonals, and which choice of that stencil.
+struct SplitRecord {
+  std::uint16_t pattern : 10 = 0;  ///< 0: whole
+  std::uint16_t choice : 6 = 0;
+};
+static_assert(sizeof(SplitRecord) == 2);
+
 /// The points of a snapped lattice and how far each has retreated: a lattice vertex towards its lattice place, a cut
 /// towards the middle of its edge, a triple point towards the centroid of its triangle.
 template <int Dim>
@@ -38,8 +45,6 @@ class CutGeometry {
   [[nodiscard]] bool touched(const Simplex& simplex) const;
   [[nodiscard]] unsigned cuts_of(const Simplex& simplex, std::array<EdgeId, T::kEdges>& edge) const;
   [[nodiscard]] Local local(const Simplex& simplex) const;
-  /// The best way to split a simplex; the inner point is taken only where nothing else meets the floor.
-  [[nodiscard]] StencilChoice choose(const Local& local, bool inner) const;
 
   [[nodiscard]] Vec<Dim> vertex_point(VertexId v) const;
   [[nodiscard]] Vec<Dim> cut_point(EdgeId e) const;
@@ -48,6 +53,8 @@ class CutGeometry {
 
   /// Retreats until every stencil meets the floor. Levels only rise and the last level passes, so it ends.
   void retreat(double quality_floor, Execution& execution);
+  /// How each simplex is split after retreat().
+  [[nodiscard]] SplitRecord split(std::int64_t simplex) const { return split_[simplex]; }
 
   std::int64_t retreated = 0;  ///< points that are not where they were cut or snapped
   int rounds = 0;
@@ -55,6 +62,10 @@ class CutGeometry {
  private:
   using Triangle = std::array<VertexId, 3>;  // ascending
   void find_triples(Execution& execution);
+  /// The best way to split a simplex; the inner point is taken only where nothing else meets the floor.
+  [[nodiscard]] StencilChoice choose(const Local& local, bool inner) const;
+  /// Chooses how to split a simplex. \return whether the choice meets the floor.
+  bool settle(std::int64_t simplex, bool inner);
   [[nodiscard]] std::int64_t find_triple(Triangle triangle) const;
   /// Calls f(level) for each point of a stencil that can retreat.
   template <class F>
@@ -64,7 +75,9 @@ class CutGeometry {
   const SnappedLattice<Dim>& snapped_;
   std::vector<Triangle> triples_;  // ascending
   std::vector<std::uint8_t> vertex_level_, cut_level_, triple_level_;
+  std::vector<SplitRecord> split_;
   QualityBound floor_{0}, enough_{30};
+  SquaredQualityBound sure_{floor_};
 };
 
 }  // namespace treemarch

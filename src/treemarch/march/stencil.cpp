@@ -97,23 +97,24 @@ template <int Dim>
 StencilChoice best_choice(const Stencil<Dim>& stencil,
                           const std::array<Vec<Dim>, StencilTopology<Dim>::kPoints>& points, bool inner,
                           const QualityBound& enough) {
+  constexpr double kBetter = 1e-9;  // degrees: of equal choices the first is taken, whatever rounding makes of them
   StencilChoice best;
-  double best_quality = -2;
+  QualityBound to_beat(0);
   for (std::size_t c = 0; c < stencil.choices.size(); ++c) {
     if (!inner && stencil.apex[c] == StencilTopology<Dim>::kInner) continue;
     AngleRange range;
+    bool better = true;
     for (const auto& piece : stencil.choices[c]) {
       std::array<Vec<Dim>, Dim + 1> p;
       for (int k = 0; k <= Dim; ++k) p[k] = points[piece[k]];
       range.merge(angle_range<Dim>(p));
-      if (range.inverted()) break;
+      better = range.high < to_beat.high && range.low > to_beat.low;
+      if (!better) break;
     }
-    const double q = quality(range);
-    if (q > best_quality) {
-      best_quality = q;
-      best = {static_cast<int>(c), range};
-      if (meets(range, enough)) break;
-    }
+    if (!better) continue;
+    best = {static_cast<int>(c), range};
+    if (meets(range, enough)) break;
+    to_beat = QualityBound(quality(range) + kBetter);
   }
   return best;
 }

@@ -72,7 +72,7 @@ void split_triangle(int face, unsigned pattern, std::vector<std::array<std::uint
 template <int Dim>
 const Stencil<Dim>& stencil(unsigned pattern);
 
-/// The best way to split, by the worst angle of its pieces.
+/// The best way to split, by the worst angle of its pieces; none (-1) if all have an inverted or flat piece.
 struct StencilChoice {
   int choice = -1;
   AngleRange angles{2, -2};

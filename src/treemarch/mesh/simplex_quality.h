@@ -78,4 +78,35 @@ struct QualityBound {
   return r.high <= bound.high && r.low >= bound.low;
 }
 
+/// A bound for simplices that are tested without a root or a quotient; rounding may decide at the bound itself.
+/// \pre degrees is below 72: both cosines are those of angles below 90 degrees (of 180 - the largest angle).
+struct SquaredQualityBound {
+  explicit SquaredQualityBound(const QualityBound& bound) : high(bound.high * bound.high), low(bound.low * bound.low) {}
+  double high, low;
+};
+
+[[nodiscard, gnu::always_inline]] inline bool meets(const std::array<Vec<3>, 4>& p, const SquaredQualityBound& bound) {
+  const Vec<3> a = p[1] - p[0], b = p[2] - p[0], c = p[3] - p[0];
+  const Vec<3> n1 = cross(b, c), n2 = cross(c, a), n3 = cross(a, b);
+  const Vec<3> n0{-n1[0] - n2[0] - n3[0], -n1[1] - n2[1] - n3[1], -n1[2] - n2[2] - n3[2]};
+  const double s0 = dot(n0, n0), s1 = dot(n1, n1), s2 = dot(n2, n2), s3 = dot(n3, n3);
+  const auto within = [&](const Vec<3>& n, const Vec<3>& m, double s) {
+    const double d = dot(n, m), square = d * std::abs(d);
+    return static_cast<int>(square >= -bound.high * s) & static_cast<int>(square <= bound.low * s);
+  };
+  return (static_cast<int>(dot(a, n1) > 0) & within(n0, n1, s0 * s1) & within(n0, n2, s0 * s2) &
+          within(n0, n3, s0 * s3) & within(n1, n2, s1 * s2) & within(n1, n3, s1 * s3) & within(n2, n3, s2 * s3)) != 0;
+}
+
+[[nodiscard, gnu::always_inline]] inline bool meets(const std::array<Vec<2>, 3>& p, const SquaredQualityBound& bound) {
+  const Vec<2> u = p[1] - p[0], v = p[2] - p[0], w = p[2] - p[1];
+  const double uu = dot(u, u), vv = dot(v, v), ww = dot(w, w);
+  const auto within = [&](double d, double s) {
+    const double square = d * std::abs(d);
+    return square <= bound.high * s && -square <= bound.low * s;
+  };
+  return u[0] * v[1] - u[1] * v[0] > 0 && within(dot(u, v), uu * vv) && within(-dot(u, w), uu * ww) &&
+         within(dot(v, w), vv * ww);
+}
+
 }  // namespace treemarch
