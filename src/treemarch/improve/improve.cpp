@@ -14,6 +14,7 @@
 #include "treemarch/improve/patch.h"
 #include "treemarch/improve/remesh.h"
 #include "treemarch/improve/stratum.h"
+#include "treemarch/improve/sweep.h"
 #include "treemarch/improve/vertex_mover.h"
 
 namespace treemarch {
@@ -27,13 +28,6 @@ constexpr int kSweeps = 8;
 constexpr int kPulls = 2;
 constexpr float kOffSurface = 0.01F;  // difference of weights
 constexpr int kWidths = 3;            // neighbourhoods that are tried, each a ring wider
-
-/// Bits without a pattern, so that vertices which come first are spread over the mesh.
-std::uint64_t scramble(std::uint64_t x) {
-  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ULL;
-  x = (x ^ (x >> 27)) * 0x94d049bb133111ebULL;
-  return x ^ (x >> 31);
-}
 
 struct Scan {
   std::vector<CellId> bad;  // up to kMargin above the target
@@ -90,8 +84,6 @@ class Improver {
   std::vector<VertexId> with_neighbours(const Patch<Dim>& patch) const;
   std::vector<VertexId> move_vertices(const std::vector<VertexId>& off);
   void lift(Patch<Dim>& patch, const std::vector<Vec<Dim>>& start);
-  template <class FindPlace>
-  std::int64_t sweep(Patch<Dim>& patch, const std::vector<VertexId>& candidates, FindPlace&& find_place);
   void remesh(std::vector<VertexId> around);
   void pull(Patch<Dim>& patch, const std::vector<Vec<Dim>>& start, const std::vector<VertexId>& off);
   Vec<Dim> start_of(VertexId v) const {
@@ -165,50 +157,6 @@ void Improver<Dim>::remember(const std::vector<VertexId>& vertices, const std::v
   start_ = std::move(moved);
 }
 
-/// Moves each candidate once, neighbours never at the same time: a vertex moves when its hash is the smallest among
-/// the candidates around it that have not had their turn.
-template <int Dim>
-template <class FindPlace>
-std::int64_t Improver<Dim>::sweep(Patch<Dim>& patch, const std::vector<VertexId>& candidates, FindPlace&& find_place) {
-  std::vector<std::uint64_t> turn(patch.chosen().size(), 0);  // 0: no candidate, or done
-  for (const VertexId v : candidates) turn[patch.slot(v)] = scramble(v) | 1;
-  const auto first = [&](VertexId v, VertexId w) {
-    const std::uint64_t a = turn[patch.slot(v)], b = patch.has_star(w) ? turn[patch.slot(w)] : 0;
-    return b == 0 || a < b || (a == b && v <= w);
-  };
-  std::vector<VertexId> waiting = candidates, now;
-  std::vector<std::uint8_t> state;
-  std::int64_t moved = 0;
-  while (!waiting.empty()) {
-    const auto n = static_cast<std::int64_t>(waiting.size());
-    state.assign(waiting.size(), 0);
-    parallel_for(execution_, n, 64, [&](std::int64_t i) {
-      for (const CellId c : patch.star(waiting[i]))
-        for (const VertexId w : patch.cell(c))
-          if (!first(waiting[i], w)) return;
-      state[i] = 1;
-    });
-    parallel_for(execution_, n, 16, [&](std::int64_t i) {
-      const VertexId v = waiting[i];
-      if (state[i] == 0) return;
-      Vec<Dim> x;
-      if (!find_place(v, x)) return;
-      patch.move(v, x);
-      state[i] = 2;
-    });
-    now.clear();
-    for (std::int64_t i = 0; i < n; ++i) {
-      moved += state[i] == 2;
-      if (state[i] == 0)
-        now.push_back(waiting[i]);
-      else
-        turn[patch.slot(waiting[i])] = 0;
-    }
-    waiting.swap(now);
-  }
-  return moved;
-}
-
 /// The corners of the bad cells and, where the patch has their stars, their neighbours.
 template <int Dim>
 std::vector<VertexId> Improver<Dim>::with_neighbours(const Patch<Dim>& patch) const {
@@ -245,7 +193,7 @@ void Improver<Dim>::lift(Patch<Dim>& patch, const std::vector<Vec<Dim>>& start) 
   std::vector<VertexId> candidates = corners(left_);
   const QualityBound list(options_.quality + kMargin);
   for (int round = 0; round < kSweeps && !left_.empty() && !late(); ++round) {
-    const std::int64_t moved = sweep(patch, candidates, [&](VertexId v, Vec<Dim>& x) {
+    const std::int64_t moved = sweep(patch, candidates, execution_, [&](VertexId v, Vec<Dim>& x) {
       return find_better_place(patch, v, field_, box_, limits_, false, start[patch.slot(v)], x);
     });
     report_.moves += moved;
@@ -304,7 +252,7 @@ void Improver<Dim>::pull(Patch<Dim>& patch, const std::vector<Vec<Dim>>& start, 
   limits.goal = options_.quality + kMargin;
   limits.slack *= 0.1;
   for (int round = 0; round < kPulls && !off.empty() && !late(); ++round)
-    report_.pulls += sweep(patch, off, [&](VertexId v, Vec<Dim>& x) {
+    report_.pulls += sweep(patch, off, execution_, [&](VertexId v, Vec<Dim>& x) {
       return find_nearer_place(patch, v, field_, box_, limits, start[patch.slot(v)], x);
     });
 }

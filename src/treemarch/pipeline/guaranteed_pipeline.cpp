@@ -6,6 +6,7 @@
 #include "treemarch/core/error.h"
 #include "treemarch/core/parallel.h"
 #include "treemarch/field/field.h"
+#include "treemarch/improve/fit.h"
 #include "treemarch/improve/improve.h"
 #include "treemarch/march/cut.h"
 #include "treemarch/march/quality_floor.h"
@@ -46,6 +47,14 @@ double smallest_size(const SizingRule& rule) {
     if (s > 0) smallest = std::min(smallest, s);
   for (const auto& i : rule.interface_size) smallest = std::min(smallest, i.size);
   return smallest;
+}
+
+/// Whether interfaces have cells of more than a voxel anywhere: facets of smaller ones need no fit.
+bool is_coarse(const SizingRule& rule, double voxel) {
+  double largest = rule.min_size;
+  for (const double s : rule.material_interface_size) largest = std::max(largest, s);
+  for (const auto& i : rule.interface_size) largest = std::max(largest, i.size);
+  return largest > voxel * kSizeTolerance;
 }
 
 /// Leaves that lie deep inside a material that will not be written.
@@ -164,6 +173,11 @@ Mesh<Dim> mesh_with_guarantee(const LabelImage<Dim>& given, const GreyInput<Dim>
   ImproveOptions how;
   how.quality = options.quality;
   report.improve = improve(mesh, field, image.size(), how, execution);
+
+  if (is_coarse(rule, *std::ranges::min_element(image.frame.spacing))) {
+    stage.emplace(execution, "fit");
+    report.fit = fit_interfaces(mesh, field, image.size(), {options.quality, drop ? background : kOutside}, execution);
+  }
   if (larger) restore_place(mesh, *larger, given);
   return mesh;
 }

@@ -2,6 +2,7 @@
 /// What the default method did to keep its promise.
 #pragma once
 
+#include "treemarch/improve/fit.h"
 #include "treemarch/improve/improve.h"
 #include "treemarch/march/cut.h"
 
@@ -11,6 +12,7 @@ struct GuaranteeReport {
   double quality_floor = 0;  ///< in force after the cut, in degrees; lower than asked where the lattice is stretched
   CutReport cut;
   ImproveReport improve;
+  FitReport fit;
 };
 
 }  // namespace treemarch

@@ -81,6 +81,10 @@ Json guarantee_json(const GuaranteeReport& g) {
                      {"collapses", g.improve.collapses},
                      {"splits", g.improve.splits},
                      {"pulls", g.improve.pulls}};
+  json["fit"] = {{"facets", g.fit.facets},
+                 {"moves", g.fit.moves},
+                 {"rms_before", g.fit.rms_before},
+                 {"rms_after", g.fit.rms_after}};
   return json;
 }
 

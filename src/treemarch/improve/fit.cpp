@@ -1,0 +1,411 @@
+#include "treemarch/improve/fit.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "treemarch/core/parallel.h"
+#include "treemarch/improve/patch.h"
+#include "treemarch/improve/stratum.h"
+#include "treemarch/improve/sweep.h"
+#include "treemarch/mesh/interfaces.h"
+
+namespace treemarch {
+namespace {
+
+constexpr std::int64_t kBlock = 1024;
+constexpr int kMostParts = 6;  // samples along an edge
+constexpr int kRounds = 2, kSweeps = 3;
+constexpr double kStiffness = 0.02;  // of a vertex against moves that its facets do not ask for
+// In voxels:
+constexpr double kFine = 1.25;             // shorter facets are true to the field if their corners are
+constexpr double kSmooth = 2, kSharp = 5;  // facets up to the first follow the field, from the second on the voxels
+constexpr double kLeast = 0.07;            // shorter moves are left out
+
+/// A facet and what the samples on it say. The interface is at distance t along the normal from a sample with shares s
+/// of the corners; corners that move by d_k change it to t - sum_k s_k normal.d_k.
+template <int Dim>
+struct Facet {
+  std::array<VertexId, Dim> v;
+  MaterialId first, second;                             ///< ascending
+  bool flipped = false;                                 ///< whether the normal of the corners in order is the other one
+  double voxel = 0;                                     ///< extent of a voxel along the normal
+  Vec<Dim> normal{};                                    ///< from first to second
+  std::array<double, Dim> place{};                      ///< of the corners along the normal
+  std::array<double, Dim> pull{};                       ///< sum of t s_k
+  std::array<std::array<double, Dim>, Dim> coupling{};  ///< sum of s_k s_j
+};
+
+Vec<2> area_normal(const std::array<Vec<2>, 2>& p) { return {p[1][1] - p[0][1], p[0][0] - p[1][0]}; }
+Vec<3> area_normal(const std::array<Vec<3>, 3>& p) { return 0.5 * cross(p[1] - p[0], p[2] - p[0]); }
+
+/// Shares of the corners at the centres of n (2D) or n^2 (3D) equal parts of a facet.
+template <int Dim>
+std::vector<std::array<double, Dim>> make_samples(int n) {
+  std::vector<std::array<double, Dim>> all;
+  if constexpr (Dim == 2) {
+    for (int i = 0; i < n; ++i) all.push_back({1 - (i + 0.5) / n, (i + 0.5) / n});
+  } else {
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; i + j < n; ++j)
+        for (const double third : {1.0 / 3, 2.0 / 3}) {
+          const double a = (i + third) / n, b = (j + third) / n;
+          if (a + b < 1) all.push_back({1 - a - b, a, b});
+        }
+  }
+  return all;
+}
+
+/// Solves a symmetric, positive definite system.
+template <int Dim>
+Vec<Dim> solve(std::array<std::array<double, Dim>, Dim> a, Vec<Dim> b) {
+  for (int i = 0; i < Dim; ++i)
+    for (int r = i + 1; r < Dim; ++r) {
+      const double q = a[r][i] / a[i][i];
+      for (int c = i; c < Dim; ++c) a[r][c] -= q * a[i][c];
+      b[r] -= q * b[i];
+    }
+  for (int i = Dim; i-- > 0;) {
+    for (int c = i + 1; c < Dim; ++c) b[i] -= a[i][c] * b[c];
+    b[i] /= a[i][i];
+  }
+  return b;
+}
+
+template <int Dim>
+class Fitter {
+ public:
+  Fitter(Mesh<Dim>& mesh, const Field<Dim>& field, const Vec<Dim>& box, const FitOptions& options, Execution& execution)
+      : mesh_(mesh),
+        field_(field),
+        box_(box),
+        options_(options),
+        execution_(execution),
+        target_(QualityBound(options.quality + 0.01)) {
+    const auto [least, most] = std::ranges::minmax(field.spacing());
+    voxel_ = least;
+    largest_voxel_ = most;
+    for (int n = 1; n <= kMostParts; ++n) samples_[n] = make_samples<Dim>(n);
+  }
+
+  FitReport run() {
+    find_facets();
+    if (facets_.empty()) return report_;
+    Patch<Dim> patch(mesh_, std::move(chosen_), execution_);
+    link(patch);
+    report_.facets = static_cast<std::int64_t>(facets_.size());
+    for (int round = 0; round < kRounds; ++round) {
+      const double rms = measure();
+      if (round == 0) report_.rms_before = rms;
+      for (int s = 0; s < kSweeps; ++s)
+        report_.moves +=
+            sweep(patch, restless(patch), execution_, [&](VertexId v, Vec<Dim>& x) { return find_place(patch, v, x); });
+    }
+    report_.rms_after = measure();
+    return report_;
+  }
+
+ private:
+  void set_order(Facet<Dim>& f) const;
+  void find_facets();
+  [[nodiscard]] bool lies_on_box(const std::array<Vec<Dim>, Dim>& p) const;
+  void link(const Patch<Dim>& patch);
+  double measure();
+  void measure(Facet<Dim>& f, std::array<double, 2>& sums) const;
+  bool to_field(const Facet<Dim>& f, const Vec<Dim>& x, double limit, double& t) const;
+  bool to_voxels(const Facet<Dim>& f, const Vec<Dim>& x, double limit, double& t) const;
+  [[nodiscard]] Vec<Dim> wish_of(const Patch<Dim>& patch, VertexId v) const;
+  [[nodiscard]] std::vector<VertexId> restless(const Patch<Dim>& patch) const;
+  bool find_place(const Patch<Dim>& patch, VertexId v, Vec<Dim>& x) const;
+  [[nodiscard]] bool is_good(const Patch<Dim>& patch, VertexId v, const Vec<Dim>& x) const;
+
+  Mesh<Dim>& mesh_;
+  const Field<Dim>& field_;
+  Vec<Dim> box_;
+  FitOptions options_;
+  Execution& execution_;
+  SquaredQualityBound target_;
+  double voxel_ = 1, largest_voxel_ = 1;
+  std::array<std::vector<std::array<double, Dim>>, kMostParts + 1> samples_;
+  std::vector<VertexId> chosen_;
+  std::vector<Facet<Dim>> facets_;
+  std::vector<std::int64_t> first_link_;                       // per slot of the patch
+  std::vector<std::pair<std::uint32_t, std::uint8_t>> links_;  // facet and corner
+  FitReport report_;
+};
+
+/// The longest edge, squared.
+template <int Dim>
+double longest_edge2(const std::array<Vec<Dim>, Dim>& p) {
+  double longest = 0;
+  for (int k = 0; k < Dim; ++k)
+    for (int j = 0; j < k; ++j) longest = std::max(longest, squared_norm(p[k] - p[j]));
+  return longest;
+}
+
+/// Sorts the corners and turns the normal from the smaller material to the larger one: the label values, by which
+/// facets come, must not matter.
+template <int Dim>
+void Fitter<Dim>::set_order(Facet<Dim>& f) const {
+  for (int k = 1; k < Dim; ++k)
+    for (int j = k; j > 0 && f.v[j] < f.v[j - 1]; --j) {
+      std::swap(f.v[j], f.v[j - 1]);
+      f.flipped = !f.flipped;
+    }
+  if (f.second < f.first) {
+    std::swap(f.first, f.second);
+    f.flipped = !f.flipped;
+  }
+}
+
+/// The facets of vertices whose facets are large on average.
+template <int Dim>
+void Fitter<Dim>::find_facets() {
+  const std::vector<FacetBlock> blocks = extract_interfaces(mesh_, Hull::include, execution_);
+  const auto points_of = [&](const VertexId* v) {
+    std::array<Vec<Dim>, Dim> p;
+    for (int k = 0; k < Dim; ++k) p[k] = mesh_.points[v[k]];
+    return p;
+  };
+  std::vector<float> excess(mesh_.points.size(), 0);  // sum of the lengths above the limit
+  const auto for_facets = [&](auto&& use) {
+    for (const FacetBlock& block : blocks)
+      for (std::int64_t i = 0; i < block.size(); ++i) {
+        const VertexId* v = block.vertices.data() + i * Dim;
+        const auto p = points_of(v);
+        if (block.second[i] != kOutside || (options_.outside != kOutside && !lies_on_box(p))) use(block, i, v, p);
+      }
+  };
+  for_facets([&](const FacetBlock&, std::int64_t, const VertexId* v, const std::array<Vec<Dim>, Dim>& p) {
+    const auto above = static_cast<float>(std::sqrt(longest_edge2<Dim>(p)) / voxel_ - kFine);
+    for (int k = 0; k < Dim; ++k) excess[v[k]] += above;
+  });
+  for (std::size_t v = 0; v < excess.size(); ++v)
+    if (excess[v] > 0) chosen_.push_back(static_cast<VertexId>(v));
+  for_facets([&](const FacetBlock& block, std::int64_t i, const VertexId* v, const std::array<Vec<Dim>, Dim>&) {
+    if (std::none_of(v, v + Dim, [&](VertexId w) { return excess[w] > 0; })) return;
+    Facet<Dim> f;
+    std::copy_n(v, Dim, f.v.begin());
+    f.first = block.first[i];
+    f.second = block.second[i] == kOutside ? options_.outside : block.second[i];
+    set_order(f);
+    facets_.push_back(f);
+  });
+}
+
+template <int Dim>
+bool Fitter<Dim>::lies_on_box(const std::array<Vec<Dim>, Dim>& p) const {
+  unsigned axes = ~0U;
+  for (const Vec<Dim>& x : p) {
+    axes &= box_axes(x, box_);
+    for (int d = 0; d < Dim; ++d)
+      if (x[d] != p[0][d]) axes &= ~(1U << d);
+  }
+  return axes != 0;
+}
+
+template <int Dim>
+void Fitter<Dim>::link(const Patch<Dim>& patch) {
+  first_link_.assign(patch.chosen().size() + 1, 0);
+  for (const auto& f : facets_)
+    for (const VertexId v : f.v)
+      if (patch.has_star(v)) ++first_link_[patch.slot(v) + 1];
+  for (std::size_t s = 1; s < first_link_.size(); ++s) first_link_[s] += first_link_[s - 1];
+  links_.resize(static_cast<std::size_t>(first_link_.back()));
+  std::vector<std::int64_t> next = first_link_;
+  for (std::size_t i = 0; i < facets_.size(); ++i)
+    for (int k = 0; k < Dim; ++k)
+      if (patch.has_star(facets_[i].v[k]))
+        links_[next[patch.slot(facets_[i].v[k])]++] = {static_cast<std::uint32_t>(i), static_cast<std::uint8_t>(k)};
+}
+
+/// Distance to where the two materials weigh the same, by secants. Weights change by about 1 over a voxel.
+template <int Dim>
+bool Fitter<Dim>::to_field(const Facet<Dim>& f, const Vec<Dim>& x, double limit, double& t) const {
+  constexpr double kFlat = 0.8;  // differences above tell a side, but no distance
+  double low = 0, d_low = field_.difference(x, f.first, f.second);
+  const double sign = d_low > 0 ? 1 : -1;
+  double step = std::clamp(std::abs(d_low), 0.1, 0.9) * f.voxel;
+  while (d_low != 0) {
+    const double high = low + sign * step;
+    if (std::abs(high) > limit) return false;
+    const double d_high = field_.difference(x + high * f.normal, f.first, f.second);
+    const bool crossed = d_high * sign <= 0;
+    const bool steep = std::abs(d_low) < kFlat && std::abs(d_low - d_high) > 0.25 * step / f.voxel;
+    if (crossed || steep) {
+      t = low + (high - low) * d_low / (d_low - d_high);
+      if (std::abs(t - high) < f.voxel) return std::abs(t) <= limit;
+    }
+    low = high;
+    d_low = d_high;
+    step = 0.7 * f.voxel;
+  }
+  return false;  // neither material is near
+}
+
+/// Distance to where the voxels of one material end and those of the other begin.
+template <int Dim>
+bool Fitter<Dim>::to_voxels(const Facet<Dim>& f, const Vec<Dim>& x, double limit, double& t) const {
+  const auto side = [&](const Vec<Dim>& y) {
+    const MaterialId m = field_.voxel_label(y);
+    return m == f.first ? 1 : m == f.second ? -1 : 0;
+  };
+  const int start = side(x);
+  if (start == 0) return false;
+  const double step = 0.5 * f.voxel * start;
+  double low = 0;
+  for (int i = 1; std::abs(i * step) <= limit; ++i) {
+    const int here = side(x + (i * step) * f.normal);
+    if (here == start) {
+      low = i * step;
+      continue;
+    }
+    if (here == 0) return false;
+    double high = i * step;
+    for (int k = 0; k < 3; ++k) {
+      const double middle = 0.5 * (low + high);
+      (side(x + middle * f.normal) == start ? low : high) = middle;
+    }
+    t = 0.5 * (low + high);
+    return true;
+  }
+  return false;
+}
+
+template <int Dim>
+void Fitter<Dim>::measure(Facet<Dim>& f, std::array<double, 2>& sums) const {
+  std::array<Vec<Dim>, Dim> p;
+  for (int k = 0; k < Dim; ++k) p[k] = mesh_.points[f.v[k]];
+  const double longest = std::sqrt(longest_edge2<Dim>(p));
+  f.normal = (f.flipped ? -1.0 : 1.0) * area_normal(p);
+  const double area = norm(f.normal);
+  f.normal = (1 / area) * f.normal;
+  double per_voxel = 0;
+  for (int d = 0; d < Dim; ++d) per_voxel += std::pow(f.normal[d] / field_.spacing()[d], 2);
+  f.voxel = 1 / std::sqrt(per_voxel);
+  f.pull = {};
+  f.coupling = {};
+  for (int k = 0; k < Dim; ++k) f.place[k] = dot(f.normal, p[k]);
+  // A thresholded grey value says less than the value itself.
+  const double sharpness = field_.kind() == FieldKind::grey
+                               ? 0
+                               : std::clamp((longest / largest_voxel_ - kSmooth) / (kSharp - kSmooth), 0.0, 1.0);
+  const auto& samples = samples_[std::clamp(static_cast<int>(std::ceil(longest / voxel_)), 1, kMostParts)];
+  const double weight = area / static_cast<double>(samples.size());
+  const double limit = std::max(1.5 * f.voxel, 0.5 * longest);
+  for (const auto& share : samples) {
+    Vec<Dim> x{};
+    for (int k = 0; k < Dim; ++k) x = x + share[k] * p[k];
+    double smooth = 0, sharp = 0;
+    if (sharpness < 1 && !to_field(f, x, limit, smooth)) continue;
+    if (sharpness > 0 && !to_voxels(f, x, limit, sharp)) continue;
+    const double t = smooth + sharpness * (sharp - smooth);
+    sums[0] += weight;
+    sums[1] += weight * t * t;
+    for (int k = 0; k < Dim; ++k) {
+      f.pull[k] += weight * t * share[k];
+      for (int j = 0; j < Dim; ++j) f.coupling[k][j] += weight * share[k] * share[j];
+    }
+  }
+}
+
+template <int Dim>
+double Fitter<Dim>::measure() {
+  using Sums = std::array<double, 2>;
+  const Sums sums = parallel_reduce(
+      execution_, static_cast<std::int64_t>(facets_.size()), kBlock, Sums{},
+      [&](std::int64_t begin, std::int64_t end) {
+        Sums s{};
+        for (std::int64_t i = begin; i < end; ++i) measure(facets_[i], s);
+        return s;
+      },
+      [](const Sums& a, const Sums& b) {
+        return Sums{a[0] + b[0], a[1] + b[1]};
+      });
+  return sums[0] > 0 ? std::sqrt(sums[1] / sums[0]) : 0;
+}
+
+/// Whether all cells around a vertex reach the quality when it is at x.
+template <int Dim>
+bool Fitter<Dim>::is_good(const Patch<Dim>& patch, VertexId v, const Vec<Dim>& x) const {
+  return std::ranges::all_of(patch.star(v), [&](CellId c) {
+    const SimplexVertices<Dim> cell = patch.cell(c);
+    std::array<Vec<Dim>, Dim + 1> p;
+    for (int k = 0; k <= Dim; ++k) p[k] = cell[k] == v ? x : patch.point(cell[k]);
+    return meets(p, target_);
+  });
+}
+
+/// The move that fits the facets around a vertex best while its neighbours stay.
+template <int Dim>
+Vec<Dim> Fitter<Dim>::wish_of(const Patch<Dim>& patch, VertexId v) const {
+  std::array<std::array<double, Dim>, Dim> matrix{};
+  Vec<Dim> wish{};
+  const std::int64_t slot = patch.slot(v);
+  for (std::int64_t i = first_link_[slot]; i < first_link_[slot + 1]; ++i) {
+    const Facet<Dim>& f = facets_[links_[i].first];
+    const int k = links_[i].second;
+    double pull = f.pull[k];
+    for (int j = 0; j < Dim; ++j) pull -= f.coupling[k][j] * (dot(f.normal, patch.point(f.v[j])) - f.place[j]);
+    for (int a = 0; a < Dim; ++a) {
+      wish[a] += pull * f.normal[a];
+      for (int b = 0; b < Dim; ++b) matrix[a][b] += f.coupling[k][k] * f.normal[a] * f.normal[b];
+    }
+  }
+  double trace = 0;
+  for (int a = 0; a < Dim; ++a) trace += matrix[a][a];
+  if (trace == 0) return {};
+  const unsigned fixed = box_axes(patch.point(v), box_);
+  for (int a = 0; a < Dim; ++a) {
+    matrix[a][a] += kStiffness * trace;
+    if ((fixed >> a & 1) == 0) continue;
+    for (int b = 0; b < Dim; ++b) matrix[a][b] = matrix[b][a] = 0;
+    matrix[a][a] = 1;
+    wish[a] = 0;
+  }
+  return solve<Dim>(matrix, wish);
+}
+
+/// Vertices that want to move.
+template <int Dim>
+std::vector<VertexId> Fitter<Dim>::restless(const Patch<Dim>& patch) const {
+  const std::vector<VertexId>& all = patch.chosen();
+  std::vector<std::uint8_t> wants(all.size());
+  parallel_for(execution_, static_cast<std::int64_t>(all.size()), kBlock, [&](std::int64_t i) {
+    wants[i] = squared_norm(wish_of(patch, all[i])) > kLeast * kLeast * voxel_ * voxel_;
+  });
+  std::vector<VertexId> some;
+  for (std::size_t i = 0; i < all.size(); ++i)
+    if (wants[i] != 0) some.push_back(all[i]);
+  return some;
+}
+
+template <int Dim>
+bool Fitter<Dim>::find_place(const Patch<Dim>& patch, VertexId v, Vec<Dim>& x) const {
+  const Vec<Dim> move = wish_of(patch, v), here = patch.point(v);
+  if (squared_norm(move) <= kLeast * kLeast * voxel_ * voxel_) return false;
+  const unsigned fixed = box_axes(here, box_);
+  for (const double part : {1.0, 0.6, 0.3}) {
+    x = here + part * move;
+    for (int a = 0; a < Dim; ++a)
+      if ((fixed >> a & 1) != 0) x[a] = here[a];
+    if (is_good(patch, v, x)) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+template <int Dim>
+FitReport fit_interfaces(Mesh<Dim>& mesh, const Field<Dim>& field, const Vec<Dim>& box, const FitOptions& options,
+                         Execution& execution) {
+  if (mesh.blocks.empty() || options.quality <= 0 || field.linear_along_edges()) return {};
+  return Fitter<Dim>(mesh, field, box, options, execution).run();
+}
+
+template FitReport fit_interfaces(Mesh<2>&, const Field<2>&, const Vec<2>&, const FitOptions&, Execution&);
+template FitReport fit_interfaces(Mesh<3>&, const Field<3>&, const Vec<3>&, const FitOptions&, Execution&);
+
+}  // namespace treemarch
