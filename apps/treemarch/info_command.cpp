@@ -6,7 +6,7 @@
 #include "image_options.h"
 #include "options.h"
 #include "terminal.h"
-#include "treemarch/report/components.h"
+#include "treemarch/topology/image_components.h"
 #include "treemarch/report/estimate.h"
 
 namespace treemarch::app {

@@ -74,6 +74,8 @@ class Patch {
     if (recording_) moved_.push_back({v, mesh_.points[v]});
     mesh_.points[v] = x;
   }
+  /// Gives a cell another material. Not part of a transaction.
+  void relabel(CellId c, MaterialId material) { block_.materials[c] = material; }
   /// Puts cells in the place of others.
   void replace(std::span<const CellId> old_cells, std::span<const NewCell<Dim>> new_cells);
   /// Adds a vertex, with a star.

@@ -8,6 +8,7 @@
 #include "treemarch/field/field.h"
 #include "treemarch/improve/fit.h"
 #include "treemarch/improve/improve.h"
+#include "treemarch/improve/repair_topology.h"
 #include "treemarch/march/cut.h"
 #include "treemarch/march/quality_floor.h"
 #include "treemarch/pipeline/drop_material.h"
@@ -167,6 +168,10 @@ Mesh<Dim> mesh_with_guarantee(const LabelImage<Dim>& given, const GreyInput<Dim>
   cut.quality_floor = report.quality_floor;
   Mesh<Dim> mesh = cut_lattice(lattice, field, image.labels, cut, report.cut, execution);
   lattice = {};
+  stage.emplace(execution, "topology");
+  RepairOptions repair;
+  repair.min_component = options.min_component;
+  report.repair = repair_topology(mesh, image, repair, execution);
   if (drop) drop_material(mesh, background, execution);
 
   stage.emplace(execution, "improve");

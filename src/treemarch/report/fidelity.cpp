@@ -9,15 +9,16 @@
 
 #include "treemarch/core/parallel.h"
 #include "treemarch/mesh/cell_topology.h"
-#include "treemarch/report/components.h"
-#include "treemarch/report/mesh_components.h"
-#include "treemarch/report/simplices.h"
+#include "treemarch/topology/component_fates.h"
+#include "treemarch/topology/image_components.h"
+#include "treemarch/topology/mesh_components.h"
+#include "treemarch/topology/simplices.h"
+#include "treemarch/topology/voxel_centres.h"
 
 namespace treemarch {
 namespace {
 
 constexpr std::int64_t kBlock = 1 << 13;  // cells a task
-constexpr double kTolerance = 1e-9;       // of barycentric coordinates
 
 /// Some cells of one block.
 template <int Dim>
@@ -35,25 +36,6 @@ std::vector<CellRange<Dim>> split_into_ranges(const Mesh<Dim>& mesh) {
       ranges.push_back({&block, i, std::min(block.size(), i + kBlock)});
   }
   return ranges;
-}
-
-/// Voxels whose centres lie between two planes across one axis: first and one past the last, within the image.
-struct Span {
-  std::int32_t begin, end;
-};
-
-template <int Dim>
-Span centres_between(const Simplex<Dim>& simplex, int axis, double voxels_per_length, std::int32_t extent) {
-  constexpr double kSlack = 1e-9;
-  double lo = simplex[0][axis], hi = lo;
-  for (const Vec<Dim>& p : simplex) {
-    lo = std::min(lo, p[axis]);
-    hi = std::max(hi, p[axis]);
-  }
-  const double begin = std::ceil(lo * voxels_per_length - 0.5 - kSlack);
-  const double end = std::floor(hi * voxels_per_length - 0.5 + kSlack) + 1;
-  return {static_cast<std::int32_t>(std::clamp(begin, 0.0, static_cast<double>(extent))),
-          static_cast<std::int32_t>(std::clamp(end, 0.0, static_cast<double>(extent)))};
 }
 
 /// Replaces a value by a smaller one, whatever other threads do at the same time.
@@ -74,42 +56,24 @@ class Painter {
   static constexpr T kOwn = 0;  ///< the voxel's own material; others are stored as their number + 1
 
   explicit Painter(const LabelImage<Dim>& image)
-      : image_(image), owner_(static_cast<std::size_t>(product(image.extent)), kNone) {
-    for (int d = 0; d < Dim; ++d) voxels_per_length_[d] = 1 / image.frame.spacing[d];
-  }
+      : image_(image), centres_(image), owner_(static_cast<std::size_t>(product(image.extent)), kNone) {}
 
   void paint(const Simplex<Dim>& simplex, MaterialId material) {
-    std::array<Span, Dim> spans;
-    for (int d = 0; d < Dim; ++d) {
-      spans[d] = centres_between(simplex, d, voxels_per_length_[d], image_.extent[d]);
-      if (spans[d].begin >= spans[d].end) return;
-    }
-    const Barycentric<Dim> barycentric(simplex);
-    if (!barycentric.is_valid()) return;
-    Coord<Dim> voxel;
-    for (int d = 0; d < Dim; ++d) voxel[d] = spans[d].begin;
-    while (true) {
-      const std::int64_t v = linear_index(voxel, image_.extent);
-      const T paint = image_.voxels[v] == material ? kOwn : static_cast<T>(material + 1);
-      T& owner = owner_[static_cast<std::size_t>(v)];
-      if (paint < std::atomic_ref(owner).load(std::memory_order_relaxed)) {
-        Vec<Dim> centre;
-        for (int d = 0; d < Dim; ++d) centre[d] = (voxel[d] + 0.5) * image_.frame.spacing[d];
-        if (barycentric.contains(centre, kTolerance)) lower(owner, paint);
-      }
-      int d = 0;
-      while (d < Dim && ++voxel[d] == spans[d].end) {
-        voxel[d] = spans[d].begin;
-        ++d;
-      }
-      if (d == Dim) return;
-    }
+    const auto paint_for = [&](std::int64_t v) {
+      return image_.voxels[v] == material ? kOwn : static_cast<T>(material + 1);
+    };
+    centres_.visit(
+        simplex,
+        [&](std::int64_t v) {
+          return paint_for(v) < std::atomic_ref(owner_[static_cast<std::size_t>(v)]).load(std::memory_order_relaxed);
+        },
+        [&](std::int64_t v) { lower(owner_[static_cast<std::size_t>(v)], paint_for(v)); });
   }
   [[nodiscard]] const std::vector<T>& owner() const { return owner_; }
 
  private:
   const LabelImage<Dim>& image_;
-  Vec<Dim> voxels_per_length_{};
+  VoxelCentres<Dim> centres_;
   std::vector<T> owner_;
 };
 
@@ -209,20 +173,6 @@ CellSums sum_cells(const Mesh<Dim>& mesh, const Execution& execution) {
   return total;
 }
 
-/// The image's material of each material of the mesh, kOutside where the image lacks the label.
-std::vector<MaterialId> match_labels(const std::vector<std::int32_t>& mesh, const std::vector<std::int32_t>& image) {
-  std::vector<MaterialId> by_value(image.size());
-  std::iota(by_value.begin(), by_value.end(), 0U);
-  const auto value = [&](MaterialId m) { return image[m]; };
-  std::ranges::sort(by_value, {}, value);
-  std::vector<MaterialId> match;
-  for (const std::int32_t label : mesh) {
-    const auto at = std::ranges::lower_bound(by_value, label, {}, value);
-    match.push_back(at != by_value.end() && image[*at] == label ? *at : kOutside);
-  }
-  return match;
-}
-
 }  // namespace
 
 std::vector<std::int32_t> Fidelity::lost_labels() const {
@@ -246,7 +196,7 @@ double Fidelity::mean_dice() const {
 template <int Dim>
 Fidelity measure_labels(const Mesh<Dim>& mesh, const Execution& execution) {
   const CellSums sums = sum_cells(mesh, execution);
-  const std::vector<std::int64_t> components = count_mesh_components(mesh, execution);
+  const std::vector<std::int64_t> components = MeshComponents<Dim>(mesh, execution).count();
   Fidelity fidelity;
   fidelity.labels.resize(mesh.labels.size());
   for (std::size_t m = 0; m < mesh.labels.size(); ++m) {

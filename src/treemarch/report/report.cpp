@@ -70,6 +70,12 @@ Json guarantee_json(const GuaranteeReport& g) {
                  {"triple_points", g.cut.triple_points},         {"inner_points", g.cut.inner_points},
                  {"snapped_vertices", g.cut.snapped_vertices},   {"retreated_points", g.cut.retreated_points},
                  {"retreat_rounds", g.cut.retreat_rounds}};
+  json["repair"] = {{"rounds", g.repair.rounds},
+                    {"pinches_before", g.repair.pinches_before},
+                    {"pinches_after", g.repair.pinches_after},
+                    {"restored", g.repair.restored},
+                    {"bridged", g.repair.bridged},
+                    {"relabelled_cells", g.repair.relabelled_cells}};
   json["improve"] = {{"stopped", name_of(g.improve.stopped)},
                      {"below_target_before", g.improve.below_before},
                      {"below_target_after", g.improve.below_after},

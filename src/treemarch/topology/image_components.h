@@ -20,4 +20,13 @@ struct ImageComponent {
 template <int Dim>
 std::vector<ImageComponent> image_components(const LabelImage<Dim>& image);
 
+/// The same, and the component of each voxel as an index into them.
+struct ComponentMap {
+  std::vector<ImageComponent> components;
+  std::vector<std::uint32_t> of_voxel;
+};
+
+template <int Dim>
+ComponentMap map_components(const LabelImage<Dim>& image);
+
 }  // namespace treemarch

@@ -1,4 +1,4 @@
-#include "treemarch/report/components.h"
+#include "treemarch/topology/image_components.h"
 
 #include <algorithm>
 
@@ -42,16 +42,21 @@ void join_rows(const std::vector<Run>& runs, std::size_t a, std::size_t a_end, s
   }
 }
 
-}  // namespace
+/// The runs of an image in scan order, joined to components.
+struct JoinedRuns {
+  std::vector<Run> runs;
+  std::vector<std::size_t> row_begin;  // of each row, and the end
+  DisjointSets sets;
+};
 
 template <int Dim>
-std::vector<ImageComponent> image_components(const LabelImage<Dim>& image) {
+JoinedRuns join_runs(const LabelImage<Dim>& image) {
   const std::int64_t width = image.extent[0];
   const std::int64_t rows = width ? product(image.extent) / width : 0;
-  std::vector<Run> runs;
-  std::vector<std::size_t> row_begin{0};
+  JoinedRuns joined;
+  auto& [runs, row_begin, sets] = joined;
   row_begin.reserve(static_cast<std::size_t>(rows) + 1);
-  DisjointSets sets;
+  row_begin.push_back(0);
   image.voxels.visit([&](const auto* voxels) {
     for (std::int64_t row = 0; row < rows; ++row) {
       const auto* v = voxels + row * width;
@@ -73,26 +78,57 @@ std::vector<ImageComponent> image_components(const LabelImage<Dim>& image) {
       }
     }
   });
+  return joined;
+}
 
+/// Lists the components; use(row, run, component) is called for every run.
+template <class Use>
+std::vector<ImageComponent> list_components(JoinedRuns& joined, std::int64_t width, Use&& use) {
   std::vector<ImageComponent> components;
-  std::vector<std::uint32_t> component_of(runs.size());
-  for (std::int64_t row = 0; row < rows; ++row) {
-    for (std::size_t r = row_begin[static_cast<std::size_t>(row)]; r < row_begin[static_cast<std::size_t>(row) + 1];
-         ++r) {
-      const std::uint32_t root = sets.find(static_cast<std::uint32_t>(r));
+  std::vector<std::uint32_t> component_of(joined.runs.size());
+  for (std::size_t row = 0; row + 1 < joined.row_begin.size(); ++row) {
+    for (std::size_t r = joined.row_begin[row]; r < joined.row_begin[row + 1]; ++r) {
+      const Run& run = joined.runs[r];
+      const std::uint32_t root = joined.sets.find(static_cast<std::uint32_t>(r));
       if (root == r) {
         component_of[r] = static_cast<std::uint32_t>(components.size());
-        components.push_back({runs[r].material, 0, row * width + runs[r].begin});
+        components.push_back({run.material, 0, static_cast<std::int64_t>(row) * width + run.begin});
       }
-      components[component_of[root]].voxels += runs[r].end - runs[r].begin;
+      components[component_of[root]].voxels += run.end - run.begin;
+      use(static_cast<std::int64_t>(row), run, component_of[root]);
     }
   }
   return components;
+}
+
+}  // namespace
+
+template <int Dim>
+std::vector<ImageComponent> image_components(const LabelImage<Dim>& image) {
+  JoinedRuns joined = join_runs(image);
+  return list_components(joined, image.extent[0], [](std::int64_t, const Run&, std::uint32_t) {});
+}
+
+template <int Dim>
+ComponentMap map_components(const LabelImage<Dim>& image) {
+  JoinedRuns joined = join_runs(image);
+  ComponentMap map;
+  map.of_voxel.resize(static_cast<std::size_t>(product(image.extent)));
+  const std::int64_t width = image.extent[0];
+  map.components = list_components(joined, width, [&](std::int64_t row, const Run& run, std::uint32_t component) {
+    const auto begin = map.of_voxel.begin() + row * width;
+    std::fill(begin + run.begin, begin + run.end, component);
+  });
+  return map;
 }
 
 template std::vector<ImageComponent> image_components(const LabelImage<1>&);
 template std::vector<ImageComponent> image_components(const LabelImage<2>&);
 template std::vector<ImageComponent> image_components(const LabelImage<3>&);
 template std::vector<ImageComponent> image_components(const LabelImage<4>&);
+template ComponentMap map_components(const LabelImage<1>&);
+template ComponentMap map_components(const LabelImage<2>&);
+template ComponentMap map_components(const LabelImage<3>&);
+template ComponentMap map_components(const LabelImage<4>&);
 
 }  // namespace treemarch

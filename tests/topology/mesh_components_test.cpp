@@ -1,11 +1,11 @@
-#include "treemarch/report/mesh_components.h"
+#include "treemarch/topology/mesh_components.h"
 
 #include <gtest/gtest.h>
 
 #include "support/images.h"
 #include "support/voxel_mesh.h"
 #include "treemarch/pipeline/mesh_image.h"
-#include "treemarch/report/components.h"
+#include "treemarch/topology/image_components.h"
 
 namespace treemarch {
 namespace {
@@ -15,8 +15,8 @@ template <int Dim>
 void expect_as_in_image(const LabelImage<Dim>& image) {
   std::vector<std::int64_t> expected(image.labels.size());
   for (const ImageComponent& c : image_components(image)) ++expected[c.material];
-  for (const int threads : {1, 5})
-    EXPECT_EQ(count_mesh_components(testing::voxel_mesh(image), Execution(threads)), expected);
+  const Mesh<Dim> mesh = testing::voxel_mesh(image);
+  for (const int threads : {1, 5}) EXPECT_EQ(MeshComponents<Dim>(mesh, Execution(threads)).count(), expected);
 }
 
 TEST(MeshComponents, OfAMeshThatRepeatsTheImageAreThoseOfTheImage) {
@@ -70,7 +70,7 @@ TEST(MeshComponents, OfRealMeshesAgreeWithAFloodFill) {
     options.keep_background = seed % 3 == 0;
     Execution execution(2);
     const Mesh<3> mesh = mesh_image(testing::noise_image<3>({10, 9, 8}, 4, seed), options, execution).mesh;
-    EXPECT_EQ(count_mesh_components(mesh, execution), brute_force(mesh));
+    EXPECT_EQ(MeshComponents<3>(mesh, execution).count(), brute_force(mesh));
   }
 }
 

@@ -1,4 +1,4 @@
-#include "treemarch/report/components.h"
+#include "treemarch/topology/image_components.h"
 
 #include <gtest/gtest.h>
 

@@ -1,0 +1,264 @@
+#include "treemarch/improve/bridge.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <queue>
+#include <tuple>
+#include <unordered_map>
+
+#include "treemarch/core/parallel.h"
+#include "treemarch/topology/simplices.h"
+#include "treemarch/topology/voxel_centres.h"
+
+namespace treemarch {
+namespace {
+
+constexpr std::int64_t kCellsPerTask = 1 << 13;
+
+template <class T>
+std::vector<T> join(const std::vector<std::vector<T>>& parts) {
+  std::vector<T> all;
+  for (const auto& part : parts) all.insert(all.end(), part.begin(), part.end());
+  return all;
+}
+
+/// Adds up parts that are the same.
+template <class Part>
+void merge_parts(std::vector<Part>& parts) {
+  std::ranges::sort(parts, {}, [](const Part& p) { return std::tuple(p.image_component, p.mesh_component, p.seed); });
+  std::size_t n = 0;
+  for (const Part& p : parts) {
+    if (n > 0 && parts[n - 1].image_component == p.image_component && parts[n - 1].mesh_component == p.mesh_component)
+      parts[n - 1].hits += p.hits;
+    else
+      parts[n++] = p;
+  }
+  parts.resize(n);
+}
+
+/// Joins one part of a component to another part of it.
+template <int Dim>
+class Bridger {
+ public:
+  Bridger(Patch<Dim>& patch, const BrokenComponents<Dim>& broken) : patch_(patch), broken_(broken) {}
+
+  /// \param parts of one component of the image, the largest first
+  /// \return number of parts that were joined to another
+  std::int64_t run(std::span<const typename BrokenComponents<Dim>::Part> parts) {
+    component_ = parts[0].image_component;
+    material_ = broken_.map->components[component_].material;
+    group_.clear();
+    for (const auto& p : parts) group_.push_back({p.mesh_component, p.mesh_component});
+    std::ranges::sort(group_);
+    taken_.clear();
+    std::int64_t joined = 0;
+    for (std::size_t p = parts.size(); p-- > 1;) joined += join_from(parts[p]);
+    return joined;
+  }
+  [[nodiscard]] const std::vector<CellId>& relabelled() const { return relabelled_; }
+
+ private:
+  static constexpr std::uint32_t kNoGroup = ComponentFate::kNone;
+  struct Step {
+    std::int64_t cost;
+    CellId cell;
+    CellId from;
+    auto operator<=>(const Step&) const = default;
+  };
+
+  /// The parts that a cell belongs to, which have been joined so far, or kNoGroup.
+  [[nodiscard]] std::uint32_t group_of(CellId c) const {
+    if (patch_.material(c) != material_) return kNoGroup;
+    std::uint32_t mesh_component = broken_.components->of(0, c);
+    if (const auto at = taken_.find(c); at != taken_.end()) mesh_component = at->second;
+    const auto at =
+        std::ranges::lower_bound(group_, mesh_component, {}, &std::pair<std::uint32_t, std::uint32_t>::first);
+    return at != group_.end() && at->first == mesh_component ? at->second : kNoGroup;
+  }
+  [[nodiscard]] std::int64_t cost_of(CellId c) const {
+    if (patch_.material(c) == material_) return group_of(c) == kNoGroup ? 2 : 0;
+    Vec<Dim> centre{};
+    for (const VertexId v : patch_.cell(c)) centre = centre + (1.0 / (Dim + 1)) * patch_.point(v);
+    Coord<Dim> voxel{};
+    const LabelImage<Dim>& image = *broken_.image;
+    for (int d = 0; d < Dim; ++d)
+      voxel[d] =
+          std::clamp(static_cast<std::int32_t>(std::floor(centre[d] / image.frame.spacing[d])), 0, image.extent[d] - 1);
+    const bool inside =
+        broken_.map->of_voxel[static_cast<std::size_t>(linear_index(voxel, image.extent))] == component_;
+    return inside ? 1 : 4;
+  }
+
+  bool join_from(const typename BrokenComponents<Dim>::Part& part) {
+    const auto own =
+        std::ranges::lower_bound(group_, part.mesh_component, {}, &std::pair<std::uint32_t, std::uint32_t>::first)
+            ->second;
+    std::priority_queue<Step, std::vector<Step>, std::greater<>> open;
+    std::unordered_map<CellId, CellId> from;  // looked up only
+    open.push({0, part.seed, part.seed});
+    while (!open.empty()) {
+      const Step at = open.top();
+      open.pop();
+      if (!from.emplace(at.cell, at.from).second) continue;
+      const std::uint32_t group = group_of(at.cell);
+      if (group != kNoGroup && group != own) {
+        take_way(at.cell, own, from);
+        for (auto& g : group_)
+          if (g.second == own) g.second = group;
+        return true;
+      }
+      for (int corner = 0; corner <= Dim; ++corner) {
+        const CellId next = patch_.neighbour(at.cell, corner);
+        if (next != Patch<Dim>::kNoCell && !from.contains(next)) open.push({at.cost + cost_of(next), next, at.cell});
+      }
+    }
+    return false;
+  }
+
+  void take_way(CellId end, std::uint32_t own, const std::unordered_map<CellId, CellId>& from) {
+    for (CellId c = end; from.at(c) != c; c = from.at(c)) {
+      if (patch_.material(c) == material_) continue;
+      patch_.relabel(c, material_);
+      taken_[c] = own;
+      relabelled_.push_back(c);
+    }
+  }
+
+  Patch<Dim>& patch_;
+  const BrokenComponents<Dim>& broken_;
+  std::uint32_t component_ = 0;
+  MaterialId material_ = 0;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> group_;  // of each component of the mesh, ascending
+  std::unordered_map<CellId, std::uint32_t> taken_;             // cells that changed, and what they belong to now
+  std::vector<CellId> relabelled_;
+};
+
+/// How many of the voxels beside a voxel are of its component.
+template <int Dim>
+int neighbours_within(const BrokenComponents<Dim>& broken, std::int64_t voxel) {
+  const Coord<Dim>& extent = broken.image->extent;
+  const Coord<Dim> c = coord_of(voxel, extent);
+  int count = 0;
+  for (int d = 0; d < Dim; ++d)
+    for (const int step : {-1, 1}) {
+      Coord<Dim> next = c;
+      next[d] += step;
+      if (next[d] < 0 || next[d] >= extent[d]) continue;
+      const auto at = static_cast<std::size_t>(linear_index(next, extent));
+      count += broken.map->of_voxel[at] == broken.map->of_voxel[static_cast<std::size_t>(voxel)];
+    }
+  return count;
+}
+
+}  // namespace
+
+template <int Dim>
+BrokenComponents<Dim> find_broken(const LabelImage<Dim>& image, const ComponentMap& map,
+                                  std::span<const std::uint8_t> required, const Mesh<Dim>& mesh,
+                                  const MeshComponents<Dim>& components, std::span<const ComponentFate> fates,
+                                  const Execution& execution) {
+  using Broken = BrokenComponents<Dim>;
+  Broken broken;
+  broken.components = &components;
+  broken.map = &map;
+  broken.image = &image;
+  const auto is_lost = [&](std::uint32_t c) { return required[c] && fates[c].lost(); };
+  const auto is_split = [&](std::uint32_t c) { return required[c] && fates[c].split(); };
+  bool any = false;
+  for (std::uint32_t c = 0; c < fates.size(); ++c) any |= is_lost(c) || is_split(c);
+  if (!any) return broken;
+
+  const CellBlock& block = mesh.blocks[0];
+  const auto tasks = static_cast<std::size_t>(block_count(block.size(), kCellsPerTask));
+  std::vector<std::vector<typename Broken::Part>> parts(tasks);
+  std::vector<std::vector<typename Broken::Lost>> lost(tasks);
+  const VoxelCentres<Dim> centres(image);
+  const auto for_cells = [&](std::size_t task, auto&& f) {
+    const auto begin = static_cast<std::int64_t>(task) * kCellsPerTask;
+    for (std::int64_t c = begin; c < std::min(block.size(), begin + kCellsPerTask); ++c) f(static_cast<CellId>(c));
+  };
+  parallel_for(execution, static_cast<std::int64_t>(tasks), 1, [&](std::int64_t task) {
+    auto& found = parts[static_cast<std::size_t>(task)];
+    for_cells(static_cast<std::size_t>(task), [&](CellId cell) {
+      const MaterialId material = block.materials[cell];
+      for_each_simplex(mesh, block, cell, [&](const Simplex<Dim>& simplex) {
+        centres.visit(
+            simplex,
+            [&](std::int64_t v) {
+              const std::uint32_t c = map.of_voxel[static_cast<std::size_t>(v)];
+              return is_lost(c) || (image.voxels[v] == material && is_split(c));
+            },
+            [&](std::int64_t v) {
+              const std::uint32_t c = map.of_voxel[static_cast<std::size_t>(v)];
+              if (is_lost(c))
+                lost[static_cast<std::size_t>(task)].push_back({c, v, cell});
+              else
+                found.push_back({c, components.of(0, cell), 1, cell});
+            });
+      });
+    });
+    merge_parts(found);
+  });
+  broken.parts = join(parts);
+  merge_parts(broken.parts);
+  std::ranges::stable_sort(broken.parts, {}, [](const auto& p) { return std::tuple(p.image_component, -p.hits); });
+  broken.lost = join(lost);
+  std::ranges::sort(broken.lost, {}, [](const auto& l) { return std::tuple(l.image_component, l.voxel, l.cell); });
+
+  std::vector<std::uint32_t> small;  // components of the mesh
+  for (std::size_t i = 1; i < broken.parts.size(); ++i)
+    if (broken.parts[i].image_component == broken.parts[i - 1].image_component)
+      small.push_back(broken.parts[i].mesh_component);
+  std::ranges::sort(small);
+  std::vector<std::vector<CellId>> cells(tasks);
+  parallel_for(execution, static_cast<std::int64_t>(small.empty() ? 0 : tasks), 1, [&](std::int64_t task) {
+    for_cells(static_cast<std::size_t>(task), [&](CellId cell) {
+      if (std::ranges::binary_search(small, components.of(0, cell)))
+        cells[static_cast<std::size_t>(task)].push_back(cell);
+    });
+  });
+  broken.cells = join(cells);
+  for (const auto& l : broken.lost) broken.cells.push_back(l.cell);
+  return broken;
+}
+
+template <int Dim>
+std::vector<CellId> mend_components(Patch<Dim>& patch, const BrokenComponents<Dim>& broken, RepairReport& report) {
+  std::vector<CellId> relabelled;
+  for (std::size_t i = 0; i < broken.lost.size();) {
+    const std::uint32_t component = broken.lost[i].image_component;
+    std::int64_t best = -1;
+    int most = -1;
+    std::size_t end = i;
+    for (; end < broken.lost.size() && broken.lost[end].image_component == component; ++end)
+      if (const int n = neighbours_within(broken, broken.lost[end].voxel); n > most)
+        best = broken.lost[end].voxel, most = n;
+    for (; i < end; ++i) {
+      if (broken.lost[i].voxel != best) continue;
+      patch.relabel(broken.lost[i].cell, broken.map->components[component].material);
+      relabelled.push_back(broken.lost[i].cell);
+    }
+    ++report.restored;
+  }
+  Bridger<Dim> bridger(patch, broken);
+  for (std::size_t i = 0; i < broken.parts.size();) {
+    std::size_t end = i;
+    while (end < broken.parts.size() && broken.parts[end].image_component == broken.parts[i].image_component) ++end;
+    report.bridged += bridger.run(std::span(broken.parts).subspan(i, end - i));
+    i = end;
+  }
+  relabelled.insert(relabelled.end(), bridger.relabelled().begin(), bridger.relabelled().end());
+  return relabelled;
+}
+
+#define TREEMARCH_INSTANTIATE(DIM)                                                                  \
+  template BrokenComponents<DIM> find_broken(                                                       \
+      const LabelImage<DIM>&, const ComponentMap&, std::span<const std::uint8_t>, const Mesh<DIM>&, \
+      const MeshComponents<DIM>&, std::span<const ComponentFate>, const Execution&);                \
+  template std::vector<CellId> mend_components(Patch<DIM>&, const BrokenComponents<DIM>&, RepairReport&);
+TREEMARCH_INSTANTIATE(2)
+TREEMARCH_INSTANTIATE(3)
+#undef TREEMARCH_INSTANTIATE
+
+}  // namespace treemarch

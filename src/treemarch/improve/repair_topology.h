@@ -1,0 +1,35 @@
+/// \file
+/// Gives a mesh the topology of its image where the cut did not: relabels a few cells. See docs/stages/topology.md.
+#pragma once
+
+#include <cstdint>
+
+#include "treemarch/core/execution.h"
+#include "treemarch/image/label_image.h"
+#include "treemarch/mesh/mesh.h"
+
+namespace treemarch {
+
+struct RepairOptions {
+  std::int64_t min_component = 8;  ///< voxels of a component that must survive as one
+  int rounds = 4;                  ///< of looking for breaches and mending them, at most
+};
+
+struct RepairReport {
+  int rounds = 0;
+  std::int64_t pinches_before = 0, pinches_after = 0;  ///< pairs of a vertex and a material that touches itself there
+  std::int64_t restored = 0;                           ///< components that had no cell
+  std::int64_t bridged = 0;                            ///< parts of components that were joined to the rest
+  std::int64_t relabelled_cells = 0;
+};
+
+/// Relabels cells so that every label has a cell, every component of the image of at least options.min_component voxels
+/// is one component of the mesh, and the boundary of every material is a manifold. No vertex moves and no cell changes
+/// its shape. What cannot be mended stays as it is. The result is the same for any number of threads.
+/// \pre the mesh has one block, of simplices; its materials are those of the image; its points are in the image's inner
+/// frame.
+template <int Dim>
+RepairReport repair_topology(Mesh<Dim>& mesh, const LabelImage<Dim>& image, const RepairOptions& options,
+                             Execution& execution);
+
+}  // namespace treemarch

@@ -1,0 +1,250 @@
+#include "treemarch/improve/unpinch.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <tuple>
+
+#include "treemarch/mesh/cell_topology.h"
+
+namespace treemarch {
+namespace {
+
+constexpr int kPasses = 8;
+
+/// Whether two simplices share a facet.
+template <int Dim>
+bool share_facet(const SimplexVertices<Dim>& a, const SimplexVertices<Dim>& b) {
+  int shared = 0;
+  for (const VertexId v : a) shared += std::ranges::find(b, v) != b.end();
+  return shared == Dim;
+}
+
+template <int Dim>
+void add_vertices(const SimplexVertices<Dim>& cell, std::vector<VertexId>& vertices) {
+  for (const VertexId v : cell)
+    if (std::ranges::find(vertices, v) == vertices.end()) vertices.push_back(v);
+}
+
+}  // namespace
+
+template <int Dim>
+int Unpincher<Dim>::excess(VertexId v) {
+  link_.clear();
+  for (const CellId c : patch_.star(v)) {
+    const SimplexVertices<Dim> cell = patch_.cell(c);
+    link_.add(kSimplex<Dim>, cell.data(), v, patch_.material(c));
+  }
+  int sum = 0;
+  for (const auto& e : link_.excess()) sum += e.sheets;
+  return sum;
+}
+
+template <int Dim>
+int Unpincher<Dim>::excess_around(std::span<const VertexId> vertices) {
+  int sum = 0;
+  for (const VertexId v : vertices) sum += excess(v);
+  return sum;
+}
+
+template <int Dim>
+MaterialId Unpincher<Dim>::image_material(CellId c) const {
+  Vec<Dim> centre{};
+  for (const VertexId v : patch_.cell(c)) centre = centre + (1.0 / (Dim + 1)) * patch_.point(v);
+  Coord<Dim> voxel{};
+  for (int d = 0; d < Dim; ++d)
+    voxel[d] =
+        std::clamp(static_cast<std::int32_t>(std::floor(centre[d] / image_.frame.spacing[d])), 0, image_.extent[d] - 1);
+  return image_.material(voxel);
+}
+
+template <int Dim>
+void Unpincher<Dim>::list_parts(VertexId v) {
+  star_.assign(patch_.star(v).begin(), patch_.star(v).end());
+  std::ranges::sort(star_);
+  const auto n = static_cast<int>(star_.size());
+  std::array<int, Dim> none;
+  none.fill(-1);
+  beside_.assign(star_.size(), none);
+  std::vector<int> filled(star_.size(), 0);
+  for (int i = 0; i < n; ++i)
+    for (int j = i + 1; j < n; ++j)
+      if (share_facet<Dim>(patch_.cell(star_[i]), patch_.cell(star_[j])))
+        beside_[i][filled[i]++] = j, beside_[j][filled[j]++] = i;
+  part_.assign(star_.size(), -1);
+  parts_ = 0;
+  std::vector<int> stack;
+  for (int i = 0; i < n; ++i) {
+    if (part_[i] >= 0) continue;
+    part_[i] = parts_;
+    stack.push_back(i);
+    while (!stack.empty()) {
+      const int at = stack.back();
+      stack.pop_back();
+      for (const int next : beside_[at]) {
+        if (next < 0 || part_[next] >= 0 || patch_.material(star_[next]) != patch_.material(star_[at])) continue;
+        part_[next] = parts_;
+        stack.push_back(next);
+      }
+    }
+    ++parts_;
+  }
+}
+
+/// Notes the move if it takes sheets away.
+template <int Dim>
+void Unpincher<Dim>::propose(std::span<const CellId> cells, MaterialId to) {
+  touched_.clear();
+  for (const CellId c : cells) add_vertices<Dim>(patch_.cell(c), touched_);
+  if (std::ranges::any_of(touched_, [&](VertexId v) { return !patch_.has_star(v); })) return;
+  const MaterialId from = patch_.material(cells[0]);
+  Move move{{cells.begin(), cells.end()}, to, excess_around(touched_)};
+  relabel(cells, to);
+  move.gain -= excess_around(touched_);
+  relabel(cells, from);
+  if (move.gain <= 0) return;
+  for (const CellId c : cells) {
+    const MaterialId own = image_material(c);
+    move.agreement += (own == to) - (own == from);
+    const SimplexVertices<Dim> cell = patch_.cell(c);
+    move.volume += simplex_determinant<Dim>(mesh_.points.data(), cell.data());
+  }
+  moves_.push_back(std::move(move));
+}
+
+template <int Dim>
+void Unpincher<Dim>::propose_parts() {
+  std::vector<CellId> cells;
+  std::vector<MaterialId> others;
+  for (int p = 0; p < parts_; ++p) {
+    cells.clear();
+    others.clear();
+    for (std::size_t i = 0; i < star_.size(); ++i) {
+      if (part_[i] != p) continue;
+      cells.push_back(star_[i]);
+      for (const int next : beside_[i])
+        if (next >= 0 && part_[next] != p) others.push_back(patch_.material(star_[next]));
+    }
+    std::ranges::sort(others);
+    others.erase(std::ranges::unique(others).begin(), others.end());
+    for (const MaterialId to : others) propose(cells, to);
+  }
+}
+
+/// Moves of the cells of a part that contain one more vertex: what lies between two sheets along an edge.
+template <int Dim>
+void Unpincher<Dim>::propose_along_edges(VertexId v) {
+  std::vector<VertexId> rim;
+  for (const CellId c : star_) add_vertices<Dim>(patch_.cell(c), rim);
+  std::vector<CellId> cells;
+  std::vector<MaterialId> others;
+  for (const VertexId w : rim) {
+    if (w == v) continue;
+    for (int p = 0; p < parts_; ++p) {
+      cells.clear();
+      others.clear();
+      for (std::size_t i = 0; i < star_.size(); ++i) {
+        const SimplexVertices<Dim> cell = patch_.cell(star_[i]);
+        if (part_[i] != p || std::ranges::find(cell, w) == cell.end()) continue;
+        cells.push_back(star_[i]);
+        for (const int next : beside_[i])
+          if (next >= 0 && part_[next] != p) others.push_back(patch_.material(star_[next]));
+      }
+      std::ranges::sort(others);
+      others.erase(std::ranges::unique(others).begin(), others.end());
+      for (const MaterialId to : others) propose(cells, to);
+    }
+  }
+}
+
+template <int Dim>
+void Unpincher<Dim>::propose_cells() {
+  for (std::size_t i = 0; i < star_.size(); ++i) {
+    std::vector<MaterialId> others;
+    for (const int next : beside_[i])
+      if (next >= 0 && part_[next] != part_[i]) others.push_back(patch_.material(star_[next]));
+    std::ranges::sort(others);
+    others.erase(std::ranges::unique(others).begin(), others.end());
+    for (const MaterialId to : others) propose(std::span(&star_[i], 1), to);
+  }
+}
+
+/// Whether the cells of the old material beside those of a move hang together without them, close by.
+template <int Dim>
+bool Unpincher<Dim>::keeps_connection(const Move& move) const {
+  const MaterialId from = patch_.material(move.cells[0]);
+  std::vector<VertexId> around;
+  for (const CellId c : move.cells) add_vertices<Dim>(patch_.cell(c), around);
+  std::vector<CellId> left;
+  for (const VertexId v : around)
+    for (const CellId c : patch_.star(v))
+      if (patch_.material(c) == from && std::ranges::find(move.cells, c) == move.cells.end()) left.push_back(c);
+  std::ranges::sort(left);
+  left.erase(std::ranges::unique(left).begin(), left.end());
+  std::vector<std::size_t> parent(left.size());
+  std::iota(parent.begin(), parent.end(), 0U);
+  const auto root = [&](std::size_t i) {
+    while (parent[i] != i) i = parent[i] = parent[parent[i]];
+    return i;
+  };
+  for (std::size_t i = 0; i < left.size(); ++i)
+    for (std::size_t j = i + 1; j < left.size(); ++j)
+      if (root(i) != root(j) && share_facet<Dim>(patch_.cell(left[i]), patch_.cell(left[j]))) parent[root(j)] = root(i);
+  // Only those that were connected through the move count.
+  std::size_t first = left.size();
+  for (std::size_t i = 0; i < left.size(); ++i) {
+    const bool beside = std::ranges::any_of(
+        move.cells, [&](CellId c) { return share_facet<Dim>(patch_.cell(left[i]), patch_.cell(c)); });
+    if (!beside) continue;
+    if (first == left.size()) first = i;
+    if (root(i) != root(first)) return false;
+  }
+  return first != left.size();
+}
+
+template <int Dim>
+bool Unpincher<Dim>::apply_best() {
+  std::ranges::stable_sort(moves_, [](const Move& a, const Move& b) {
+    return std::tuple(-a.gain, -a.agreement, a.volume) < std::tuple(-b.gain, -b.agreement, b.volume);
+  });
+  for (const Move& move : moves_) {
+    if (!keeps_connection(move)) continue;
+    relabel(move.cells, move.to);
+    relabelled_ += std::ssize(move.cells);
+    return true;
+  }
+  return false;
+}
+
+template <int Dim>
+bool Unpincher<Dim>::treat(VertexId v) {
+  list_parts(v);
+  moves_.clear();
+  propose_parts();
+  if (apply_best()) return true;
+  moves_.clear();
+  if constexpr (Dim == 3) propose_along_edges(v);
+  propose_cells();
+  return apply_best();
+}
+
+template <int Dim>
+std::int64_t Unpincher<Dim>::run(std::vector<VertexId> vertices) {
+  relabelled_ = 0;
+  for (int pass = 0; pass < kPasses; ++pass) {
+    bool any = false;
+    std::vector<VertexId> left;
+    for (const VertexId v : vertices) {
+      while (excess(v) > 0 && treat(v)) any = true;
+      if (excess(v) > 0) left.push_back(v);
+    }
+    vertices = std::move(left);
+    if (!any || vertices.empty()) break;
+  }
+  return relabelled_;
+}
+
+template class Unpincher<2>;
+template class Unpincher<3>;
+
+}  // namespace treemarch

@@ -1,0 +1,39 @@
+/// \file
+/// What became of the components of an image in a mesh of it.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "treemarch/core/execution.h"
+#include "treemarch/image/label_image.h"
+#include "treemarch/mesh/mesh.h"
+#include "treemarch/topology/image_components.h"
+#include "treemarch/topology/mesh_components.h"
+
+namespace treemarch {
+
+/// The components of the mesh that hold voxels of one component of the image: their smallest and largest number.
+struct ComponentFate {
+  static constexpr std::uint32_t kNone = 0xffffffffU;
+  std::uint32_t first = kNone, last = 0;
+
+  /// No voxel of it has its centre in a cell of its label.
+  [[nodiscard]] bool lost() const { return first == kNone; }
+  /// Its voxels lie in several components of the mesh.
+  [[nodiscard]] bool split() const { return first != kNone && first != last; }
+};
+
+/// The fate of each component. A voxel belongs to the cells of its own label that contain its centre.
+/// \param to_image the image's material of each material of the mesh, kOutside where the image lacks the label
+/// \pre the points are in the inner frame of the image
+template <int Dim>
+std::vector<ComponentFate> component_fates(const LabelImage<Dim>& image, const ComponentMap& map, const Mesh<Dim>& mesh,
+                                           const MeshComponents<Dim>& components, std::span<const MaterialId> to_image,
+                                           const Execution& execution);
+
+/// The image's material of each material of a mesh, kOutside where the image lacks the label.
+std::vector<MaterialId> match_labels(const std::vector<std::int32_t>& mesh, const std::vector<std::int32_t>& image);
+
+}  // namespace treemarch

@@ -1,0 +1,134 @@
+#include "treemarch/topology/vertex_link.h"
+
+#include <algorithm>
+
+namespace treemarch {
+
+template <int Dim>
+void VertexLink<Dim>::clear() {
+  for (const std::uint32_t slot : used_) slots_[slot] = {};
+  used_.clear();
+}
+
+template <int Dim>
+void VertexLink<Dim>::grow() {
+  std::vector<Slot> old(2 * slots_.size());
+  old.swap(slots_);
+  std::vector<std::uint32_t> filled;
+  filled.swap(used_);
+  for (const std::uint32_t from : filled) {
+    add_side(old[from].key, old[from].first);
+    if (old[from].second != kOutside) add_side(old[from].key, old[from].second);
+  }
+}
+
+template <int Dim>
+void VertexLink<Dim>::add_side(std::uint64_t key, MaterialId material) {
+  const std::size_t mask = slots_.size() - 1;
+  for (std::size_t i = (key * 0x9e3779b97f4a7c15U) >> 40U & mask;; i = (i + 1) & mask) {
+    Slot& slot = slots_[i];
+    if (slot.key == key) {
+      slot.second = material;
+      return;
+    }
+    if (slot.key != kEmpty) continue;
+    slot.key = key;
+    slot.first = material;
+    used_.push_back(static_cast<std::uint32_t>(i));
+    if (2 * used_.size() > slots_.size()) grow();
+    return;
+  }
+}
+
+template <int Dim>
+void VertexLink<Dim>::add(CellType type, const VertexId* cell, VertexId vertex, MaterialId material) {
+  const auto side = [&](VertexId a, VertexId b) {
+    add_side((std::uint64_t{std::min(a, b)} << 32U) | std::max(a, b), material);
+  };
+  if constexpr (Dim == 3) {
+    if (type == CellType::tetrahedron) {
+      std::array<VertexId, 3> other{};
+      int n = 0;
+      for (int k = 0; k < 4; ++k)
+        if (cell[k] != vertex) other[static_cast<std::size_t>(n++)] = cell[k];
+      side(other[0], other[1]);
+      side(other[0], other[2]);
+      side(other[1], other[2]);
+      return;
+    }
+  }
+  const CellTopology& shape = topology(type);
+  for (int f = 0; f < shape.facet_count; ++f) {
+    const LocalFacet& facet = shape.facets[f];
+    for (int k = 0; k < facet.size; ++k) {
+      if (cell[facet.vertex[k]] != vertex) continue;
+      const VertexId next = cell[facet.vertex[(k + 1) % facet.size]];
+      const VertexId before = cell[facet.vertex[(k + facet.size - 1) % facet.size]];
+      side(next, before);
+    }
+  }
+}
+
+template <int Dim>
+int VertexLink<Dim>::excess_of(MaterialId material) {
+  if constexpr (Dim == 2) {  // an arc has two ends
+    const auto ends =
+        std::ranges::count_if(border_, [&](const Border& b) { return b.first == material || b.second == material; });
+    return static_cast<int>(ends) / 2 - 1;
+  }
+  rim_.clear();
+  parent_.clear();
+  degree_.clear();
+  const auto place = [&](VertexId v) {
+    const auto at = static_cast<std::size_t>(std::ranges::find(rim_, v) - rim_.begin());
+    if (at == rim_.size()) {
+      rim_.push_back(v);
+      parent_.push_back(static_cast<std::uint32_t>(at));
+      degree_.push_back(0);
+    }
+    ++degree_[at];
+    return static_cast<std::uint32_t>(at);
+  };
+  const auto root = [&](std::uint32_t i) {
+    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+    return i;
+  };
+  for (const Border& b : border_) {
+    if (b.first != material && b.second != material) continue;
+    const std::uint32_t u = root(place(static_cast<VertexId>(b.key >> 32U)));
+    const std::uint32_t v = root(place(static_cast<VertexId>(b.key)));
+    parent_[std::max(u, v)] = std::min(u, v);
+  }
+  int curves = 0, crossings = 0;
+  for (std::uint32_t i = 0; i < parent_.size(); ++i) {
+    curves += parent_[i] == i;
+    crossings += static_cast<int>(degree_[i]) / 2 - 1;
+  }
+  return curves - 1 + crossings;
+}
+
+template <int Dim>
+const std::vector<typename VertexLink<Dim>::Excess>& VertexLink<Dim>::excess() {
+  border_.clear();
+  materials_.clear();
+  excess_.clear();
+  const auto note = [&](MaterialId m) {
+    if (m != kOutside && std::ranges::find(materials_, m) == materials_.end()) materials_.push_back(m);
+  };
+  for (const std::uint32_t at : used_) {
+    const Slot& slot = slots_[at];
+    if (slot.first == slot.second) continue;
+    border_.push_back({slot.key, slot.first, slot.second});
+    note(slot.first);
+    note(slot.second);
+  }
+  std::ranges::sort(materials_);
+  for (const MaterialId m : materials_)
+    if (const int sheets = excess_of(m); sheets != 0) excess_.push_back({m, sheets});
+  return excess_;
+}
+
+template class VertexLink<2>;
+template class VertexLink<3>;
+
+}  // namespace treemarch
