@@ -60,7 +60,7 @@ std::optional<GreyInput<Dim>> load_grey(const MeshCommandOptions& options, Execu
     if (!options.reading.threshold)
       throw Error(ErrorKind::usage, "--grey: needs --threshold, the value at the surface");
     if (other_field) throw Error(ErrorKind::usage, "--grey: is used by --field grey only; leave one of them out");
-  } else if (!options.reading.threshold || other_field || plain.method == Method::paper || plain.closed_border) {
+  } else if (!options.reading.threshold || other_field || plain.closed_border) {
     return std::nullopt;
   }
   const std::string& path = options.grey.empty() ? options.image : options.grey;

@@ -1,5 +1,8 @@
 #include "mesh_options.h"
 
+#include <algorithm>
+#include <map>
+
 #include "options.h"
 #include "treemarch/pipeline/label_table.h"
 #include "treemarch/pipeline/length.h"
@@ -16,12 +19,33 @@ int parse_balance(const std::string& text) {
   return balance;
 }
 
+/// The order of separation: a name, or the labels that come first.
+template <int Dim>
+void parse_order(const std::string& text, const LabelTable& table, const LabelImage<Dim>& image, MeshOptions& options) {
+  static const std::map<std::string, MaterialOrder> kNames = {{"largest", MaterialOrder::largest},
+                                                              {"smallest", MaterialOrder::smallest},
+                                                              {"label", MaterialOrder::label},
+                                                              {"image", MaterialOrder::image}};
+  if (const auto named = kNames.find(text); named != kNames.end()) {
+    options.order = named->second;
+    return;
+  }
+  for (const auto item : split(text, ',')) {
+    std::vector<MaterialId> materials = table.find_set(item, "--order");
+    std::ranges::sort(materials, {}, [&](MaterialId m) { return image.labels[m]; });
+    for (const MaterialId m : materials) {
+      if (std::ranges::count(options.first, m) != 0)
+        throw Error(ErrorKind::usage, "--order: label " + std::to_string(image.labels[m]) + " is named twice");
+      options.first.push_back(m);
+    }
+  }
+}
+
 void add_guaranteed_options(CLI::App& mesh, MeshOptions& o) {
   mesh.add_option("--quality", o.quality, "Improve elements whose angles are below this, in degrees; 0: leave them")
       ->capture_default_str();
   mesh.add_option("--quality-floor", o.quality_floor, "No angle below this after the cut, in degrees")
       ->capture_default_str();
-  mesh.add_option("--sigma", o.sigma, "Smoothing of the field gauss or dgf, in voxels")->capture_default_str();
   add_choice<bool>(mesh, "--border", o.closed_border, {{"closed", true}, {"flat", false}},
                    "How materials end at the sides of the image")
       ->default_str("flat");
@@ -34,6 +58,9 @@ void add_paper_options(CLI::App& mesh, MeshTextOptions& o) {
   mesh.add_option("--balance", o.balance, "Largest difference of level between neighbours, or none")
       ->capture_default_str();
   mesh.add_option("--snap", o.plain.snap, "Move vertices onto a surface nearer than this part of an edge, 0 to 0.5");
+  mesh.add_option("--order", o.order,
+                  "Order in which labels are separated: largest, smallest, label, image, or labels as 3,liver,5-9")
+      ->capture_default_str();
   mesh.add_option("--smooth", o.plain.smooth, "Smoothing steps")->check(CLI::NonNegativeNumber);
 }
 
@@ -64,6 +91,8 @@ void add_mesh_options(CLI::App& mesh, MeshTextOptions& o) {
                          {"dgf", FieldKind::dgf},
                          {"grey", FieldKind::grey}},
                         "Separating function; default by the method");
+  mesh.add_option("--sigma", o.plain.sigma, "Smoothing of the fields gauss, dgf and grey, in voxels")
+      ->capture_default_str();
   mesh.option_defaults()->group("Method guaranteed");
   add_guaranteed_options(mesh, o.plain);
   mesh.option_defaults()->group("Method paper");
@@ -100,6 +129,7 @@ MeshOptions resolve(const MeshTextOptions& text, const LabelImage<Dim>& image) {
     for (const MaterialId m : table.find_set(labels, "--weight")) options.weights[m] = w;
   }
   options.balance = parse_balance(text.balance);
+  parse_order(text.order, table, image, options);
   if (options.snap && !(*options.snap >= 0 && *options.snap < 0.5))
     throw Error(ErrorKind::usage, "--snap: must be at least 0 and below 0.5");
   return options;

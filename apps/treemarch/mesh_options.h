@@ -21,6 +21,7 @@ struct MeshTextOptions {
   std::vector<std::string> interfaces;  ///< A:B=S
   std::vector<std::string> weights;     ///< LABEL=W
   std::string balance = "1";
+  std::string order = "largest";  ///< the name of a MaterialOrder, or labels
 };
 
 void add_mesh_options(CLI::App& mesh, MeshTextOptions& options);

@@ -145,9 +145,9 @@ class BadOptions(ProgramTest):
 
     def test_what_a_method_does_not_take(self):
         for option in (["--pattern", "3"], ["--balance", "2"], ["--balance", "none"], ["--snap", "0.1"],
-                       ["--smooth", "3"], ["--weight", "1=2"]):
+                       ["--smooth", "3"], ["--weight", "1=2"], ["--order", "smallest"], ["--order", "1"]):
             self.refuse(USAGE, "--method", "guaranteed", *option, says=option[0])
-        for option in (["--field", "dgf"], ["--border", "closed"], ["--grey", self.image, "--threshold", "1"]):
+        for option in (["--field", "grey"], ["--border", "closed"], ["--order", "none"], ["--order", "1,1"]):
             self.refuse(USAGE, "--method", "paper", *option, says=option[0])
 
     def test_grey(self):

@@ -138,11 +138,19 @@ class Meshes(ProgramTest):
         grey = files.write_nrrd(self.path("g.nrrd"), (100 - 10 * distance).astype("float32"))
         labels = files.write_nrrd(self.path("l.nrrd"), (distance < 6.7).astype("uint8") * 7)
         exact = 4 / 3 * np.pi * 6.7**3
-        for options in ([grey, "--threshold", 33], [labels, "--grey", grey, "--threshold", 33]):
+        for options in ([grey, "--threshold", 33], [labels, "--grey", grey, "--threshold", 33],
+                        [grey, "--threshold", 33, "--method", "paper"]):
             points, cells, _ = self.mesh(*options[1:], "--min-size", "1vox", image=options[0])
             self.assertLess(abs(volumes(points, cells).sum() / exact - 1), 0.02)
         points, _, _ = self.mesh("--threshold", 33, "--roi", "0:10,0:22,0:24", image=grey)
         self.assertAlmostEqual(points[:, 0].max(), 9.5)
+
+    def test_order_of_the_paper(self):
+        cells = {}
+        for order in ("largest", "smallest", "label", "image", "2", "0,1-2", "2,1,0"):
+            cells[order] = self.mesh("--method", "paper", "--order", order)[1].tobytes()
+        self.assertEqual(cells["label"], cells["0,1-2"])
+        self.assertNotEqual(cells["label"], cells["2,1,0"])
 
     def test_a_closed_border_is_round(self):
         half = self.labels[:, :, 5:]

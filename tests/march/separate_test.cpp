@@ -2,77 +2,78 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <random>
+
+#include "support/images.h"
 
 namespace treemarch {
 namespace {
 
-LabelImage<3> noise_image() {
-  std::mt19937 random(4);
-  std::vector<std::int32_t> values(5 * 4 * 3);
-  for (auto& v : values) v = static_cast<std::int32_t>(random() % 4);
-  Frame<3> frame;
-  frame.spacing = {0.5, 1.0, 2.0};
-  return make_label_image<3>({5, 4, 3}, values, frame);
+Field<3> field_of(const LabelImage<3>& image, FieldKind kind) {
+  Execution execution(1);
+  return build_field(image, {.kind = kind}, execution);
 }
 
-std::vector<double> shares(const LabelImage<3>& image, const Vec<3>& at) {
-  const auto field = linear_field(image);
-  std::vector<double> p(image.labels.size());
-  for (MaterialId m = 0; m < p.size(); ++m) field(m, {&at, 1}, {&p[m], 1});
+std::vector<double> values_at(const Field<3>& field, std::size_t materials, const Vec<3>& at) {
+  const auto f = against_the_rest(field);
+  std::vector<double> p(materials);
+  for (MaterialId m = 0; m < p.size(); ++m) f(m, {&at, 1}, {&p[m], 1});
   return p;
 }
 
-TEST(LinearField, IsTheIndicatorAtVoxelCentres) {
-  const auto image = noise_image();
-  for (std::int64_t i = 0; i < 60; ++i) {
+std::vector<Vec<3>> random_points(int n, unsigned seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> u(-0.5, 7);
+  std::vector<Vec<3>> points(static_cast<std::size_t>(n));
+  for (auto& x : points) x = {u(random), u(random), u(random)};
+  return points;
+}
+
+TEST(AgainstTheRest, TwoMaterialsShareTheirWeights) {
+  const auto image = testing::noise_image<3>({6, 5, 7}, 2, 3);
+  for (const FieldKind kind : {FieldKind::linear, FieldKind::bspline3}) {
+    const auto field = field_of(image, kind);
+    for (const Vec<3>& x : random_points(300, 1)) {
+      const auto p = values_at(field, 2, x);
+      EXPECT_NEAR(p[0], field.weight(x, 0), 1e-6);
+      EXPECT_NEAR(p[0] + p[1], 1, 1e-6);
+    }
+  }
+}
+
+// At any point one material leads, and no two do, unless they tie.
+TEST(AgainstTheRest, OneOfManyMaterialsLeads) {
+  const auto image = testing::noise_image<3>({6, 5, 7}, 6, 3);
+  const std::size_t n = image.labels.size();
+  for (const FieldKind kind : {FieldKind::linear, FieldKind::bspline3, FieldKind::gauss, FieldKind::dgf}) {
+    const auto field = field_of(image, kind);
+    for (const Vec<3>& x : random_points(300, 2)) {
+      auto p = values_at(field, n, x);
+      const auto best = static_cast<MaterialId>(std::ranges::max_element(p) - p.begin());
+      EXPECT_GE(p[best], 0.5);
+      for (MaterialId m = 0; m < n; ++m) {
+        EXPECT_GE(p[m], 0);
+        EXPECT_LE(p[m], 1);
+        EXPECT_GE(field.weight(x, best), field.weight(x, m));
+        if (m != best) {
+          EXPECT_LE(p[m], 0.5);
+        }
+      }
+      std::ranges::sort(p, std::greater<>());
+      EXPECT_NEAR(p[0] + p[1], 1, 1e-6) << "the second is as far below as the first is above";
+    }
+  }
+}
+
+TEST(AgainstTheRest, IsSureAtVoxelCentresOfTheLinearField) {
+  const auto image = testing::noise_image<3>({6, 5, 7}, 5, 3);
+  const auto field = field_of(image, FieldKind::linear);
+  for (std::int64_t i = 0; i < image.voxels.size(); ++i) {
     const Coord<3> c = coord_of(i, image.extent);
-    const auto p = shares(image, {(c[0] + 0.5) * 0.5, (c[1] + 0.5) * 1.0, (c[2] + 0.5) * 2.0});
+    const auto p = values_at(field, image.labels.size(), {c[0] + 0.5, c[1] + 0.5, c[2] + 0.5});
     for (MaterialId m = 0; m < p.size(); ++m) EXPECT_EQ(p[m], image.material(c) == m ? 1 : 0);
   }
-}
-
-TEST(LinearField, SharesAddUpToOneAlsoBeyondTheCentres) {
-  const auto image = noise_image();
-  std::mt19937 random(5);
-  std::uniform_real_distribution<double> u(-0.5, 7);
-  for (int i = 0; i < 500; ++i) {
-    const auto p = shares(image, {u(random), u(random), u(random)});
-    double sum = 0;
-    for (const double x : p) {
-      EXPECT_GE(x, 0);
-      sum += x;
-    }
-    EXPECT_NEAR(sum, 1, 1e-14);
-  }
-}
-
-TEST(LinearField, IsLinearBetweenTwoCentresAndMeanAtVoxelCorners) {
-  const auto image = noise_image();
-  for (const double t : {0.0, 0.25, 0.7, 1.0}) {
-    const auto a = shares(image, {0.75, 1.5, 3});
-    const auto b = shares(image, {1.25, 1.5, 3});
-    const auto p = shares(image, {0.75 + 0.5 * t, 1.5, 3});
-    for (std::size_t m = 0; m < p.size(); ++m) EXPECT_NEAR(p[m], (1 - t) * a[m] + t * b[m], 1e-14);
-  }
-  std::vector<double> mean(image.labels.size(), 0.0);
-  for (int corner = 0; corner < 8; ++corner) {
-    mean[image.material({1 + (corner & 1), 1 + (corner >> 1 & 1), 1 + (corner >> 2)})] += 0.125;
-  }
-  const auto p = shares(image, {1, 2, 4});
-  for (std::size_t m = 0; m < p.size(); ++m) EXPECT_NEAR(p[m], mean[m], 1e-14);
-}
-
-TEST(LinearField, AnImageOneVoxelThickIsConstantAcross) {
-  const auto image = make_label_image<2>({3, 1}, {5, 6, 5});
-  const auto field = linear_field(image);
-  const std::vector<Vec<2>> points = {{1.5, 0}, {1.5, 0.5}, {1.5, 1}, {1, 0.9}};
-  std::vector<double> p(points.size());
-  field(1, points, p);
-  EXPECT_EQ(p[0], 1);
-  EXPECT_EQ(p[1], 1);
-  EXPECT_EQ(p[2], 1);
-  EXPECT_DOUBLE_EQ(p[3], 0.5);
 }
 
 }  // namespace

@@ -37,24 +37,19 @@ void expect_fills_box(const LabelImage<Dim>& image, MeshOptions options) {
 /// Every option of both methods that changes the shape of the mesh.
 std::vector<MeshOptions> variations() {
   std::vector<MeshOptions> all;
-  for (const FieldKind field : {FieldKind::solid_angle, FieldKind::linear}) {
-    for (const int balance : {1, 2, kUnbalanced}) {
-      for (const char* pattern : {"2", "3", "auto"}) {
-        MeshOptions options;
-        options.method = Method::paper;
-        options.field = field;
-        options.balance = balance;
-        options.pattern = pattern;
-        options.smooth = balance;
-        all.push_back(options);
-      }
+  for (const int balance : {1, 2, kUnbalanced}) {
+    for (const char* pattern : {"2", "3", "auto"}) {
+      MeshOptions options;
+      options.method = Method::paper;
+      options.balance = balance;
+      options.pattern = pattern;
+      options.smooth = balance;
+      all.push_back(options);
     }
   }
   for (const FieldKind field : {FieldKind::solid_angle, FieldKind::linear, FieldKind::bspline3, FieldKind::dgf}) {
-    MeshOptions options;
-    options.method = Method::guaranteed;
-    options.field = field;
-    all.push_back(options);
+    all.push_back({.method = Method::guaranteed, .field = field});
+    for (const double snap : {0.0, 0.4}) all.push_back({.method = Method::paper, .field = field, .snap = snap});
   }
   return all;
 }
@@ -208,8 +203,10 @@ TEST(MeshImage, RefusesOptionsThatContradict) {
   refuses([](MeshOptions& o) { o.pattern = "1"; });
   refuses([](MeshOptions& o) { o.field = FieldKind::grey; });
   refuses([](MeshOptions& o) { o.method = Method::paper, o.snap = 0.7; });
-  refuses([](MeshOptions& o) { o.method = Method::paper, o.field = FieldKind::dgf; });
+  refuses([](MeshOptions& o) { o.method = Method::paper, o.field = FieldKind::grey; });
   refuses([](MeshOptions& o) { o.balance = 2; });
+  refuses([](MeshOptions& o) { o.order = MaterialOrder::label; });
+  refuses([](MeshOptions& o) { o.first = {1}; });
   refuses([](MeshOptions& o) { o.elements = Elements::hybrid; });
   refuses([](MeshOptions& o) { o.smooth = 2; });
   refuses([](MeshOptions& o) { o.sizes.material_size = {0, -1}; });

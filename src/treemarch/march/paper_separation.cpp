@@ -24,6 +24,9 @@ constexpr MaterialId kUndecided = kOutside - 1;
 constexpr double kFlat = 1e-6;
 /// Quality (mesh/simplex_quality.h) below which snapping may not bring a cell, unless the vertex had a worse one.
 constexpr double kFairAngle = 10;
+/// The least |f - 1/2| at a vertex of one material under a field: no cut comes nearer to it than 1/6 of an edge, even
+/// where a smooth field would have the surface beyond it.
+constexpr double kLeastOneSided = 0.1;
 
 template <int Dim>
 double shape(const std::array<Vec<Dim>, Dim + 1>& x) {
@@ -157,28 +160,49 @@ void PaperSeparation<Dim>::find_region() {
   parallel_sort(execution_, region_);
 }
 
-/// f - 1/2 and its sign at all vertices that touch both sides.
+/// f - 1/2 and its sign at all vertices that touch both sides; under a field, f at the others of the region too.
 template <int Dim>
 void PaperSeparation<Dim>::evaluate() {
   const auto n = static_cast<std::int64_t>(vertices_.size());
+  if (options_.field) evaluate_field(vertices_);
   parallel_for_ranges(execution_, n, 64, [&](std::int64_t begin, std::int64_t end) {
-    if (options_.field) {
-      std::vector<Vec<Dim>> points;
-      for (std::int64_t i = begin; i < end; ++i) points.push_back(points_[vertices_[static_cast<std::size_t>(i)]]);
-      std::vector<double> values(points.size());
-      options_.field(material_, points, values);
-      for (std::size_t i = 0; i < values.size(); ++i) {
-        offset_[vertices_[static_cast<std::size_t>(begin) + i]] = values[i] - 0.5;
-      }
-    } else {
-      for (std::int64_t i = begin; i < end; ++i) evaluate_solid_angles(static_cast<std::size_t>(i));
-    }
     for (std::int64_t i = begin; i < end; ++i) {
+      if (!options_.field) evaluate_solid_angles(static_cast<std::size_t>(i));
       const VertexId v = vertices_[static_cast<std::size_t>(i)];
       if (!options_.revisit && on_earlier_surface(v)) offset_[v] = 0;
       sign_[v] = static_cast<std::int8_t>((offset_[v] > options_.tolerance) - (offset_[v] < -options_.tolerance));
     }
   });
+  if (options_.field) evaluate_field(one_sided_vertices());
+}
+
+/// f - 1/2 by position at some vertices.
+template <int Dim>
+void PaperSeparation<Dim>::evaluate_field(std::span<const VertexId> vertices) {
+  parallel_for_ranges(
+      execution_, static_cast<std::int64_t>(vertices.size()), 64, [&](std::int64_t begin, std::int64_t end) {
+        const auto part = vertices.subspan(static_cast<std::size_t>(begin), static_cast<std::size_t>(end - begin));
+        std::vector<Vec<Dim>> points;
+        points.reserve(part.size());
+        for (const VertexId v : part) points.push_back(points_[v]);
+        std::vector<double> values(points.size());
+        options_.field(material_, points, values);
+        for (std::size_t i = 0; i < values.size(); ++i) offset_[part[i]] = values[i] - 0.5;
+      });
+}
+
+/// The vertices of the region that touch one side only, ascending.
+template <int Dim>
+std::vector<VertexId> PaperSeparation<Dim>::one_sided_vertices() const {
+  std::vector<VertexId> vertices;
+  for (const Index c : region_) {
+    for (const VertexId v : cells_.cell(c)) {
+      if (sign_[v] == kOneSided) vertices.push_back(v);
+    }
+  }
+  parallel_sort(execution_, vertices);
+  vertices.erase(std::unique(vertices.begin(), vertices.end()), vertices.end());
+  return vertices;
 }
 
 template <int Dim>
@@ -218,7 +242,8 @@ template <int Dim>
 double PaperSeparation<Dim>::offset(Index c, int corner) const {
   const VertexId v = cells_.cell(c)[corner];
   if (sign_[v] != kOneSided) return offset_[v];
-  return cells_.material(c) == material_ ? 0.5 : -0.5;
+  const int side = cells_.material(c) == material_ ? 1 : -1;
+  return side * (options_.field ? std::max(side * offset_[v], kLeastOneSided) : 0.5);
 }
 
 template <int Dim>

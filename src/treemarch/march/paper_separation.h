@@ -48,6 +48,8 @@ class PaperSeparation {
   void find_region();
   void evaluate();
   void evaluate_solid_angles(std::size_t i);
+  void evaluate_field(std::span<const VertexId> vertices);
+  [[nodiscard]] std::vector<VertexId> one_sided_vertices() const;
   [[nodiscard]] bool on_earlier_surface(VertexId v) const;
   [[nodiscard]] std::int8_t sign(Index c, int corner) const;
   [[nodiscard]] double offset(Index c, int corner) const;

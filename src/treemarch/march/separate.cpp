@@ -1,48 +1,33 @@
 #include "treemarch/march/separate.h"
 
 #include <algorithm>
-#include <cmath>
+#include <array>
 
 namespace treemarch {
 
 namespace {
 
 template <int Dim>
-double linear_share(const LabelImage<Dim>& image, MaterialId material, const Vec<Dim>& point) {
-  Coord<Dim> base{};
-  Vec<Dim> fraction{};
-  for (int d = 0; d < Dim; ++d) {
-    const double last = image.extent[d] - 1;
-    const double u = std::clamp(point[d] / image.frame.spacing[d] - 0.5, 0.0, last);
-    // The last cell is taken with fraction 1, so that base + 1 is a voxel wherever there are two.
-    const double cell = std::min(std::floor(u), std::max(0.0, last - 1));
-    base[d] = static_cast<std::int32_t>(cell);
-    fraction[d] = u - cell;
-  }
-  double share = 0;
-  for (int corner = 0; corner < (1 << Dim); ++corner) {
-    double weight = 1;
-    Coord<Dim> voxel = base;
-    for (int d = 0; d < Dim; ++d) {
-      const int high = corner >> d & 1;
-      voxel[d] += high;
-      weight *= high ? fraction[d] : 1 - fraction[d];
-    }
-    if (weight > 0 && image.material(voxel) == material) share += weight;
-  }
-  return share;
+double lead_over_the_rest(const Field<Dim>& field, const Vec<Dim>& point, MaterialId material) {
+  std::array<LabelWeight, 2> best{};
+  const int n = field.sample(point, best);
+  if (best[0].material == material) return best[0].weight - (n > 1 ? double{best[1].weight} : 0.0);
+  const bool second = n > 1 && best[1].material == material;
+  return double{second ? best[1].weight : field.weight(point, material)} - best[0].weight;
 }
 
 }  // namespace
 
 template <int Dim>
-MaterialField<Dim> linear_field(const LabelImage<Dim>& image) {
-  return [&image](MaterialId material, std::span<const Vec<Dim>> points, std::span<double> values) {
-    for (std::size_t i = 0; i < points.size(); ++i) values[i] = linear_share(image, material, points[i]);
+MaterialField<Dim> against_the_rest(const Field<Dim>& field) {
+  return [&field](MaterialId material, std::span<const Vec<Dim>> points, std::span<double> values) {
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      values[i] = std::clamp(0.5 + 0.5 * lead_over_the_rest(field, points[i], material), 0.0, 1.0);
+    }
   };
 }
 
-template MaterialField<2> linear_field<2>(const LabelImage<2>&);
-template MaterialField<3> linear_field<3>(const LabelImage<3>&);
+template MaterialField<2> against_the_rest<2>(const Field<2>&);
+template MaterialField<3> against_the_rest<3>(const Field<3>&);
 
 }  // namespace treemarch

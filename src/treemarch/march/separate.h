@@ -1,12 +1,12 @@
 /// \file
-/// Separating functions that are given by position (design section 6).
+/// Separating functions of one material that are given by position.
 #pragma once
 
 #include <functional>
 #include <span>
 
 #include "treemarch/core/vec.h"
-#include "treemarch/image/label_image.h"
+#include "treemarch/field/field.h"
 
 namespace treemarch {
 
@@ -16,9 +16,10 @@ template <int Dim>
 using MaterialField =
     std::function<void(MaterialId material, std::span<const Vec<Dim>> points, std::span<double> values)>;
 
-/// d-linear interpolation of the voxels' indicators between voxel centres, constant beyond the outermost centres.
-/// \pre `image` outlives the result
+/// A material against the best of the rest: 1/2 + (w_m - largest other weight) / 2, within [0, 1]. With two materials
+/// whose weights add up to 1 that is w_m; where three meet, the surfaces of all three meet in one curve.
+/// \pre `field` outlives the result
 template <int Dim>
-MaterialField<Dim> linear_field(const LabelImage<Dim>& image);
+MaterialField<Dim> against_the_rest(const Field<Dim>& field);
 
 }  // namespace treemarch

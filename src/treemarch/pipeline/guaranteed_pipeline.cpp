@@ -12,6 +12,7 @@
 #include "treemarch/march/cut.h"
 #include "treemarch/march/quality_floor.h"
 #include "treemarch/pipeline/drop_material.h"
+#include "treemarch/pipeline/make_field.h"
 #include "treemarch/pipeline/methods.h"
 #include "treemarch/pipeline/prepare.h"
 #include "treemarch/sizing/cubic_lattice.h"
@@ -101,20 +102,6 @@ void restore_place(Mesh<Dim>& mesh, const LabelImage<Dim>& padded_image, const L
     for (MaterialId& m : block.materials) m = material[m];
 }
 
-template <int Dim>
-Field<Dim> make_field(const LabelImage<Dim>& image, const GreyInput<Dim>* grey, const MeshOptions& options,
-                      Execution& execution) {
-  FieldOptions how;
-  how.kind = options.field.value_or(FieldKind::dgf);
-  how.sigma = options.sigma;
-  how.background = options.background;
-  if (grey && (!options.field || *options.field == FieldKind::grey))
-    return build_grey_field(image, grey->image, grey->threshold, how, execution);
-  if (how.kind == FieldKind::grey)
-    throw Error(ErrorKind::usage, "--field: grey needs a grey image; give --grey and --threshold");
-  return build_field(image, how, execution);
-}
-
 /// The floor in force: as asked, or what is proved for cells of these sides.
 template <int Dim>
 double quality_floor(const Lattice<Dim>& lattice, double asked, Execution& execution) {
@@ -155,7 +142,7 @@ Mesh<Dim> mesh_with_guarantee(const LabelImage<Dim>& given, const GreyInput<Dim>
       build_spacetree<Dim>(sized.lattice, sized.pattern, required_levels(image, sized, rule, execution), 1, execution);
 
   stage.emplace(execution, "field");
-  const Field<Dim> field = make_field(image, grey, options, execution);
+  const Field<Dim> field = make_field(image, grey, field_kind(options, grey, FieldKind::dgf), options, execution);
 
   stage.emplace(execution, "lattice");
   std::vector<std::uint8_t> skip;

@@ -39,6 +39,7 @@ void check_guaranteed(const MeshOptions& options) {
   if (options.snap) refuse("--snap: cannot be chosen");
   if (options.smooth) refuse("--smooth: is not done");
   if (!options.weights.empty()) refuse("--weight: has no meaning");
+  if (options.order != MaterialOrder::largest || !options.first.empty()) refuse("--order: has no meaning");
   if (options.elements != Elements::simplices) refuse("--elements: must be tet");
   if (!(options.quality_floor >= 0 && options.quality_floor <= kMostQualityFloor))
     throw Error(ErrorKind::usage, "--quality-floor: must be from 0 to 18.4, the bound that is proved");
@@ -47,11 +48,9 @@ void check_guaranteed(const MeshOptions& options) {
 }
 
 /// What the paper's method does not do.
-template <int Dim>
-void check_paper(const MeshOptions& options, const GreyInput<Dim>* grey) {
+void check_paper(const MeshOptions& options) {
   if (options.closed_border)
     throw Error(ErrorKind::usage, "--border: cannot be closed with --method paper; choose --method guaranteed");
-  if (grey) throw Error(ErrorKind::usage, "--grey: is not used by --method paper; choose --method guaranteed");
 }
 
 }  // namespace
@@ -65,11 +64,11 @@ MeshResult<Dim> mesh_image(const LabelImage<Dim>& image, const MeshOptions& opti
   if (options.method == Method::guaranteed)
     check_guaranteed(options);
   else
-    check_paper(options, grey);
+    check_paper(options);
 
   MeshResult<Dim> result;
   if (options.method == Method::paper) {
-    result.mesh = mesh_by_paper(image, options, execution);
+    result.mesh = mesh_by_paper(image, grey, options, execution);
     const MaterialId background = material_of(image.labels, options.background);
     if (!options.keep_background && background != kOutside) drop_material(result.mesh, background, execution);
   } else {

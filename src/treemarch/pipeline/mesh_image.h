@@ -28,6 +28,14 @@ enum class Elements {
   hybrid,     ///< simplices at interfaces, hexahedra (2D: quads) where nothing is cut, pyramids between
 };
 
+/// The order in which the paper's method separates materials.
+enum class MaterialOrder {
+  largest,   ///< by the number of voxels, the largest first
+  smallest,  ///< the same backwards
+  label,     ///< by the labels of the file, the lowest first
+  image,     ///< by first appearance
+};
+
 /// What a mesh should be like.
 struct MeshOptions {
   Method method = Method::guaranteed;
@@ -39,13 +47,17 @@ struct MeshOptions {
   std::optional<FieldKind> field;  ///< separating function; the method's own where it is not given
   std::optional<double> snap;      ///< fraction of an edge within which a vertex moves onto a surface; as field
   std::optional<int> smooth;       ///< smoothing steps; as field
-  double sigma = kDefaultSigma;    ///< smoothing of the guaranteed method's field, in voxels along each axis
+  double sigma = kDefaultSigma;    ///< smoothing of the fields that smooth, in voxels along each axis
   double quality_floor = 18;       ///< guaranteed method: no quality (mesh/simplex_quality.h) below this after the cut
   double quality = 20;             ///< guaranteed method: improve elements below this; 0 leaves them as they were cut
   std::int64_t min_component = 8;  ///< guaranteed method: voxels of a component that must survive as one
   bool closed_border = false;      ///< materials that touch the side of the image end there rounded, not cut off flat
   bool keep_background = false;    ///< whether cells of the background are part of the mesh
   std::int32_t background = 0;     ///< the label that means background
+  /// Paper's method: the order in which materials are separated.
+  MaterialOrder order = MaterialOrder::largest;
+  /// Paper's method: materials that come before all others, in this order.
+  std::vector<MaterialId> first;
 };
 
 /// A grey image of the same extent whose threshold is the end of the foreground.
@@ -63,7 +75,7 @@ struct MeshResult {
 };
 
 /// Meshes an image. The times of the stages are in `execution`.
-/// \param grey puts the end of the foreground where a grey value meets a threshold (guaranteed method); may be null.
+/// \param grey puts the end of the foreground where a grey value meets a threshold; may be null.
 /// \throw Error(usage) for options that contradict each other or the image; Error(limits) for too large a mesh.
 template <int Dim>
 MeshResult<Dim> mesh_image(const LabelImage<Dim>& image, const MeshOptions& options, Execution& execution,

@@ -11,7 +11,8 @@ namespace treemarch {
 
 /// The paper's method (docs/stages/march-paper.md). Meshes the background too.
 template <int Dim>
-Mesh<Dim> mesh_by_paper(const LabelImage<Dim>& image, const MeshOptions& options, Execution& execution);
+Mesh<Dim> mesh_by_paper(const LabelImage<Dim>& image, const GreyInput<Dim>* grey, const MeshOptions& options,
+                        Execution& execution);
 
 /// The method with bounded angles (docs/stages/cut.md). Leaves the background out unless it is to be kept.
 template <int Dim>

@@ -1,11 +1,11 @@
 #include <algorithm>
-#include <functional>
-#include <numeric>
+#include <optional>
 #include <vector>
 
-#include "treemarch/core/error.h"
 #include "treemarch/march/paper_march.h"
 #include "treemarch/march/separate.h"
+#include "treemarch/pipeline/make_field.h"
+#include "treemarch/pipeline/material_order.h"
 #include "treemarch/pipeline/methods.h"
 #include "treemarch/sizing/assign_materials.h"
 #include "treemarch/sizing/lattice.h"
@@ -19,33 +19,13 @@ namespace {
 
 constexpr int kPaperSmoothingSteps = 5;
 
-/// Materials by the number of their voxels, the smallest last: an order that a mirrored image shares.
 template <int Dim>
-std::vector<MaterialId> by_voxels(const LabelImage<Dim>& image) {
-  std::vector<std::int64_t> voxels(image.labels.size());
-  image.voxels.visit([&](const auto* v) {
-    for (std::int64_t i = 0; i < image.voxels.size(); ++i) ++voxels[v[i]];
-  });
-  std::vector<MaterialId> order(image.labels.size());
-  std::iota(order.begin(), order.end(), 0U);
-  std::ranges::stable_sort(order, std::greater<>(), [&](MaterialId m) { return voxels[m]; });
-  return order;
-}
-
-template <int Dim>
-PaperMarchOptions<Dim> march_options(const LabelImage<Dim>& image, const MeshOptions& options) {
+PaperMarchOptions<Dim> march_options(const LabelImage<Dim>& image, const Field<Dim>* field,
+                                     const MeshOptions& options) {
   PaperMarchOptions<Dim> march;
-  march.order = by_voxels(image);
+  march.order = material_order(image, options.order, options.first);
   if (options.snap) march.snap = *options.snap;
-  switch (options.field.value_or(FieldKind::solid_angle)) {
-    case FieldKind::solid_angle:
-      break;
-    case FieldKind::linear:
-      march.field = linear_field(image);
-      break;
-    default:
-      throw Error(ErrorKind::usage, "--field: the paper's method takes solid-angle or linear");
-  }
+  if (field) march.field = against_the_rest(*field);
   return march;
 }
 
@@ -70,8 +50,12 @@ std::vector<LeafShape> hybrid_shapes(const Spacetree<Dim>& tree, const Execution
 }  // namespace
 
 template <int Dim>
-Mesh<Dim> mesh_by_paper(const LabelImage<Dim>& image, const MeshOptions& options, Execution& execution) {
-  const PaperMarchOptions<Dim> march = march_options(image, options);
+Mesh<Dim> mesh_by_paper(const LabelImage<Dim>& image, const GreyInput<Dim>* grey, const MeshOptions& options,
+                        Execution& execution) {
+  // Solid angles are taken on the mesh itself, all other functions by position.
+  std::optional<Field<Dim>> field;
+  const FieldKind kind = field_kind(options, grey, FieldKind::solid_angle);
+  if (kind != FieldKind::solid_angle) field = make_field(image, grey, kind, options, execution);
   const SizedLattice<Dim> sized = choose_lattice(image, parse_pattern<Dim>(options.pattern), options.sizes, execution);
   Spacetree<Dim> tree =
       build_spacetree<Dim>(sized.lattice, sized.pattern, required_levels(image, sized, options.sizes, execution),
@@ -85,12 +69,16 @@ Mesh<Dim> mesh_by_paper(const LabelImage<Dim>& image, const MeshOptions& options
   tree = {};
   mesh.labels = image.labels;
   mesh.names = image.names;
-  march_materials(mesh, march, execution);
+  march_materials(mesh, march_options(image, field ? &*field : nullptr, options), execution);
+  field.reset();
   smooth(mesh, smooth_options(image, options), execution);
   return mesh;
 }
 
-template Mesh<2> mesh_by_paper(const LabelImage<2>&, const MeshOptions&, Execution&);
-template Mesh<3> mesh_by_paper(const LabelImage<3>&, const MeshOptions&, Execution&);
+#define TREEMARCH_INSTANTIATE(DIM) \
+  template Mesh<DIM> mesh_by_paper(const LabelImage<DIM>&, const GreyInput<DIM>*, const MeshOptions&, Execution&);
+TREEMARCH_INSTANTIATE(2)
+TREEMARCH_INSTANTIATE(3)
+#undef TREEMARCH_INSTANTIATE
 
 }  // namespace treemarch
