@@ -23,7 +23,8 @@ struct CheckOptions {
   ImageOptions reading;
   OutputSpace space = OutputSpace::file;
   std::int32_t background = 0;
-  bool json = false;
+  std::int64_t min_component = 8;
+  bool json = false, strict = false;
   int threads = 0;
 };
 
@@ -59,7 +60,7 @@ Fidelity compare(Mesh<Dim>& mesh, const CheckOptions& options, Execution& execut
   with_image(options.image, options.reading, execution, [&]<int ImageDim>(const LabelImage<ImageDim>& image) {
     if constexpr (ImageDim == Dim) {
       to_inner(mesh, image.frame, options.space, execution);
-      fidelity = measure_fidelity(image, mesh, options.background, execution);
+      fidelity = measure_fidelity(image, mesh, options.background, execution, options.min_component);
     }
   });
   if (!fidelity) throw Error(ErrorKind::input, options.image + ": has another dimension than the mesh " + options.mesh);
@@ -67,6 +68,8 @@ Fidelity compare(Mesh<Dim>& mesh, const CheckOptions& options, Execution& execut
 }
 
 void run(const CheckOptions& options) {
+  if (options.strict && options.image.empty())
+    throw Error(ErrorKind::usage, "--strict: needs an image to compare with; give --image");
   Execution execution(options.threads);
   Terminal terminal(execution, false);
   Report report;
@@ -87,8 +90,9 @@ void run(const CheckOptions& options) {
   report.seconds = execution.stage_times();
   report.peak_memory_bytes = peak_memory_bytes();
   report.warnings = terminal.warnings();
-  std::fputs((options.json ? to_json(report) : to_text(report)).c_str(), stdout);
+  std::fputs((options.json ? to_json(report) : to_text(report, ReportLength::full)).c_str(), stdout);
   if (!report.defects->sound()) throw Error(ErrorKind::limits, options.mesh + ": " + report.defects->describe());
+  if (options.strict) require_topology(report, options.mesh);
 }
 
 }  // namespace
@@ -102,6 +106,7 @@ void add_check_command(CLI::App& app, Command& command) {
   add_space_option(*check, options->space);
   check->add_option("--background-label", options->background, "The label that may be missing from the mesh")
       ->capture_default_str();
+  add_topology_options(*check, options->min_component, options->strict);
   check->add_flag("--json", options->json, "Print JSON");
   add_threads_option(*check, options->threads);
   check->callback([options, &command] { command = [options] { run(*options); }; });

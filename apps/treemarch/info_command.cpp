@@ -6,8 +6,8 @@
 #include "image_options.h"
 #include "options.h"
 #include "terminal.h"
-#include "treemarch/topology/image_components.h"
 #include "treemarch/report/estimate.h"
+#include "treemarch/topology/image_components.h"
 
 namespace treemarch::app {
 namespace {

@@ -28,7 +28,7 @@ struct MeshCommandOptions {
   PrepareOptions prepare;
   MeshTextOptions mesh;
   OutputSpace space = OutputSpace::file;
-  bool compress = true, force = false, json = false, quiet = false;
+  bool compress = true, force = false, json = false, quiet = false, strict = false;
   int threads = 0;
 };
 
@@ -84,7 +84,8 @@ Report make_report(const MeshCommandOptions& options, const std::vector<std::pai
   {
     const Execution::Stage stage(execution, "measure");
     report.quality = measure_quality(result.mesh, image.frame, kWorstCells, execution);
-    report.fidelity = measure_fidelity(image, result.mesh, options.mesh.plain.background, execution);
+    report.fidelity = measure_fidelity(image, result.mesh, options.mesh.plain.background, execution,
+                                       options.mesh.plain.min_component);
   }
   return report;
 }
@@ -136,6 +137,7 @@ void run(const MeshCommandOptions& options, const std::vector<std::pair<std::str
     if (result.mesh.cell_count() == 0)
       throw Error(ErrorKind::limits, options.image + ": the mesh has no cells; choose a smaller --min-size");
     Report report = make_report(options, given, image, result, execution);
+    if (options.strict) require_topology(report, options.image);
     write_all(options, image, result.mesh, execution);
     report.seconds = execution.stage_times();
     report.warnings = terminal.warnings();
@@ -172,6 +174,7 @@ void add_output_options(CLI::App& mesh, MeshCommandOptions& o) {
   mesh.add_option("--picture", o.picture, "Also write a picture of the mesh, cut open (.png)");
   mesh.add_option("--report", o.report, "Also write the report as JSON");
   add_space_option(mesh, o.space);
+  add_topology_options(mesh, o.mesh.plain.min_component, o.strict);
   mesh.add_flag("--compress,!--no-compress", o.compress, "Compress .vtu files")->default_str("true");
   mesh.add_flag("--force", o.force, "Replace files that exist")->configurable(false);
   mesh.add_flag("--json", o.json, "Print the report as JSON");

@@ -7,7 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "treemarch/core/error.h"
 #include "treemarch/mesh/output_frame.h"
+#include "treemarch/report/report.h"
 
 namespace treemarch::app {
 
@@ -45,6 +47,21 @@ inline void add_space_option(CLI::App& command, OutputSpace& space) {
 
 inline void add_threads_option(CLI::App& command, int& threads) {
   command.add_option("--threads", threads, "Number of threads, 0 for all")->check(CLI::NonNegativeNumber);
+}
+
+inline void add_topology_options(CLI::App& command, std::int64_t& min_component, bool& strict) {
+  command
+      .add_option("--min-component", min_component, "Voxels from which a connected part of a label must stay one part")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  command.add_flag("--strict", strict, "Fail (exit code 5) where the topology of the image is not kept");
+}
+
+/// \throw Error(limits) if the mesh does not have the topology of its image
+inline void require_topology(const Report& report, const std::string& what) {
+  const auto& topology = report.fidelity.topology;
+  if (topology && topology->breached())
+    throw Error(ErrorKind::limits, what + ": --strict: " + topology->breach() + "; choose a smaller --min-size");
 }
 
 }  // namespace treemarch::app

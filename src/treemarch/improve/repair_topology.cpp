@@ -77,6 +77,7 @@ class Repairer {
     std::vector<std::int64_t> largest(image_.labels.size(), -1);
     for (std::size_t c = 0; c < required_.size(); ++c) {
       const ImageComponent& component = map_.components[c];
+      if (component.material == options_.left_out) continue;
       required_[c] = component.voxels >= options_.min_component;
       std::int64_t& best = largest[component.material];
       if (best < 0 || map_.components[static_cast<std::size_t>(best)].voxels < component.voxels)

@@ -12,6 +12,7 @@ namespace treemarch {
 
 struct RepairOptions {
   std::int64_t min_component = 8;  ///< voxels of a component that must survive as one
+  MaterialId left_out = kOutside;  ///< of this material, which the mesh holds in part only, no component is asked for
   int rounds = 4;                  ///< of looking for breaches and mending them, at most
 };
 

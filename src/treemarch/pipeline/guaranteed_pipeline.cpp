@@ -158,6 +158,7 @@ Mesh<Dim> mesh_with_guarantee(const LabelImage<Dim>& given, const GreyInput<Dim>
   stage.emplace(execution, "topology");
   RepairOptions repair;
   repair.min_component = options.min_component;
+  if (drop) repair.left_out = background;
   report.repair = repair_topology(mesh, image, repair, execution);
   if (drop) drop_material(mesh, background, execution);
 

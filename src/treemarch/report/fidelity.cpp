@@ -173,6 +173,46 @@ CellSums sum_cells(const Mesh<Dim>& mesh, const Execution& execution) {
   return total;
 }
 
+template <int Dim>
+Fidelity label_sums(const Mesh<Dim>& mesh, const MeshComponents<Dim>& components, const Execution& execution) {
+  const CellSums sums = sum_cells(mesh, execution);
+  const std::vector<std::int64_t> count = components.count();
+  Fidelity fidelity;
+  fidelity.labels.resize(mesh.labels.size());
+  for (std::size_t m = 0; m < mesh.labels.size(); ++m) {
+    LabelFidelity& l = fidelity.labels[m];
+    l.label = mesh.labels[m];
+    if (!mesh.names.empty()) l.name = mesh.names[m];
+    l.cells = sums.cells[m];
+    l.volume = sums.volume[m];
+    l.components = count[m];
+  }
+  std::ranges::sort(fidelity.labels, {}, &LabelFidelity::label);
+  return fidelity;
+}
+
+/// What the image says about the labels, and how the voxels in the mesh agree.
+template <int Dim>
+std::vector<LabelFidelity> compare_labels(const LabelImage<Dim>& image, const Overlap& voxels, const ComponentMap& map,
+                                          std::int32_t background) {
+  double voxel_volume = 1;
+  for (const double s : image.frame.spacing) voxel_volume *= s;
+  std::vector<LabelFidelity> labels(image.labels.size());
+  for (std::size_t m = 0; m < image.labels.size(); ++m) {
+    LabelFidelity& l = labels[m];
+    l.label = image.labels[m];
+    if (!image.names.empty()) l.name = image.names[m];
+    l.voxels = voxels.image[m];
+    l.image_volume = static_cast<double>(l.voxels) * voxel_volume;
+    const std::int64_t both = voxels.image[m] + voxels.mesh[m];
+    l.dice = both ? 2.0 * static_cast<double>(voxels.both[m]) / static_cast<double>(both) : 0;
+    l.is_background = l.label == background;
+  }
+  for (const ImageComponent& c : map.components) ++labels[c.material].image_components;
+  std::ranges::sort(labels, {}, &LabelFidelity::label);
+  return labels;
+}
+
 }  // namespace
 
 std::vector<std::int32_t> Fidelity::lost_labels() const {
@@ -195,46 +235,18 @@ double Fidelity::mean_dice() const {
 
 template <int Dim>
 Fidelity measure_labels(const Mesh<Dim>& mesh, const Execution& execution) {
-  const CellSums sums = sum_cells(mesh, execution);
-  const std::vector<std::int64_t> components = MeshComponents<Dim>(mesh, execution).count();
-  Fidelity fidelity;
-  fidelity.labels.resize(mesh.labels.size());
-  for (std::size_t m = 0; m < mesh.labels.size(); ++m) {
-    LabelFidelity& l = fidelity.labels[m];
-    l.label = mesh.labels[m];
-    if (!mesh.names.empty()) l.name = mesh.names[m];
-    l.cells = sums.cells[m];
-    l.volume = sums.volume[m];
-    l.components = components[m];
-  }
-  std::ranges::sort(fidelity.labels, {}, &LabelFidelity::label);
-  return fidelity;
+  return label_sums(mesh, MeshComponents<Dim>(mesh, execution), execution);
 }
 
 template <int Dim>
 Fidelity measure_fidelity(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, std::int32_t background,
-                          const Execution& execution) {
+                          const Execution& execution, std::int64_t min_component) {
   const std::vector<MaterialId> to_image = match_labels(mesh.labels, image.labels);
-  const Overlap voxels = overlap(image, mesh, to_image, execution);
-  double voxel_volume = 1;
-  for (const double s : image.frame.spacing) voxel_volume *= s;
-
+  const ComponentMap map = map_components(image);
+  const MeshComponents<Dim> components(mesh, execution);
   Fidelity fidelity;
-  fidelity.labels.resize(image.labels.size());
-  for (std::size_t m = 0; m < image.labels.size(); ++m) {
-    LabelFidelity& l = fidelity.labels[m];
-    l.label = image.labels[m];
-    if (!image.names.empty()) l.name = image.names[m];
-    l.voxels = voxels.image[m];
-    l.image_volume = static_cast<double>(l.voxels) * voxel_volume;
-    const std::int64_t both = voxels.image[m] + voxels.mesh[m];
-    l.dice = both ? 2.0 * static_cast<double>(voxels.both[m]) / static_cast<double>(both) : 0;
-    l.is_background = l.label == background;
-  }
-  for (const ImageComponent& c : image_components(image)) ++fidelity.labels[c.material].image_components;
-  std::ranges::sort(fidelity.labels, {}, &LabelFidelity::label);
-
-  for (const LabelFidelity& in_mesh : measure_labels(mesh, execution).labels) {
+  fidelity.labels = compare_labels(image, overlap(image, mesh, to_image, execution), map, background);
+  for (const LabelFidelity& in_mesh : label_sums(mesh, components, execution).labels) {
     const auto at = std::ranges::lower_bound(fidelity.labels, in_mesh.label, {}, &LabelFidelity::label);
     if (at == fidelity.labels.end() || at->label != in_mesh.label) {
       fidelity.unknown_cells += in_mesh.cells;
@@ -244,12 +256,15 @@ Fidelity measure_fidelity(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, s
     at->volume += in_mesh.volume;
     at->components += in_mesh.components;
   }
+  fidelity.interfaces = measure_interfaces(image, mesh, to_image, background, components.border(), execution);
+  const std::vector<ComponentFate> fates = component_fates(image, map, mesh, components, to_image, execution);
+  fidelity.topology = report_topology<Dim>({image, mesh, map, components, fates}, background, min_component, execution);
   return fidelity;
 }
 
 template Fidelity measure_labels(const Mesh<2>&, const Execution&);
 template Fidelity measure_labels(const Mesh<3>&, const Execution&);
-template Fidelity measure_fidelity(const LabelImage<2>&, const Mesh<2>&, std::int32_t, const Execution&);
-template Fidelity measure_fidelity(const LabelImage<3>&, const Mesh<3>&, std::int32_t, const Execution&);
+template Fidelity measure_fidelity(const LabelImage<2>&, const Mesh<2>&, std::int32_t, const Execution&, std::int64_t);
+template Fidelity measure_fidelity(const LabelImage<3>&, const Mesh<3>&, std::int32_t, const Execution&, std::int64_t);
 
 }  // namespace treemarch

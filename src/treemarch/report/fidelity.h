@@ -3,12 +3,15 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "treemarch/core/execution.h"
 #include "treemarch/image/label_image.h"
 #include "treemarch/mesh/mesh.h"
+#include "treemarch/report/interface_distance.h"
+#include "treemarch/report/topology_report.h"
 
 namespace treemarch {
 
@@ -27,8 +30,10 @@ struct LabelFidelity {
 };
 
 struct Fidelity {
-  std::vector<LabelFidelity> labels;  ///< of the image, by value
-  std::int64_t unknown_cells = 0;     ///< cells with a label that the image lacks
+  std::vector<LabelFidelity> labels;          ///< of the image, by value
+  std::int64_t unknown_cells = 0;             ///< cells with a label that the image lacks
+  std::vector<InterfaceFidelity> interfaces;  ///< by their labels; where there is an image
+  std::optional<TopologyReport> topology;     ///< where there is an image
 
   /// Labels with voxels but without cells, the background apart.
   [[nodiscard]] std::vector<std::int32_t> lost_labels() const;
@@ -43,9 +48,10 @@ Fidelity measure_labels(const Mesh<Dim>& mesh, const Execution& execution);
 /// Compares a mesh with the image that it was made from. A voxel belongs to the cell that contains its centre; where
 /// several do, its own material counts if it is among them, else the one that comes first in the image.
 /// \param background label that may be missing from the mesh.
+/// \param min_component voxels of a component that must survive as one.
 /// \pre the points are in the inner frame of the image. Labels are compared by value.
 template <int Dim>
 Fidelity measure_fidelity(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, std::int32_t background,
-                          const Execution& execution);
+                          const Execution& execution, std::int64_t min_component = 8);
 
 }  // namespace treemarch

@@ -3,7 +3,6 @@
 #include <sys/resource.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <cstdlib>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -57,12 +56,6 @@ Json defects_json(const MeshDefects& d) {
           {"box_volume", d.box_volume}};
 }
 
-std::string format(const char* pattern, double a, double b = 0) {
-  char text[160];
-  std::snprintf(text, sizeof text, pattern, a, b);
-  return text;
-}
-
 Json guarantee_json(const GuaranteeReport& g) {
   Json json;
   json["quality_floor"] = g.quality_floor;
@@ -94,14 +87,42 @@ Json guarantee_json(const GuaranteeReport& g) {
   return json;
 }
 
-std::string fidelity_text(const Fidelity& fidelity) {
-  constexpr std::size_t kShown = 20;
-  std::string text = format(", mean Dice %.4f", fidelity.mean_dice());
-  const auto lost = fidelity.lost_labels();
-  text += lost.empty() ? ", none lost" : ", lost:";
-  for (std::size_t i = 0; i < std::min(lost.size(), kShown); ++i) text += " " + std::to_string(lost[i]);
-  if (lost.size() > kShown) text += " and " + std::to_string(lost.size() - kShown) + " more";
-  return text;
+Json place_json(const Vec<3>& place) { return {place[0], place[1], place[2]}; }
+
+Json interfaces_json(const std::vector<InterfaceFidelity>& interfaces) {
+  Json json = Json::array();
+  for (const InterfaceFidelity& f : interfaces) {
+    Json one{{"first", f.first}, {"second", f.second}, {"area", f.area}};
+    if (f.far_area < f.area) one.update({{"rms", f.rms}, {"max", f.max}, {"max_place", place_json(f.max_place)}});
+    if (f.far_area > 0) one["far_area"] = f.far_area;
+    json.push_back(one);
+  }
+  return json;
+}
+
+Json topology_json(const TopologyReport& t) {
+  const auto broken = [](const std::vector<BrokenComponent>& list) {
+    Json json = Json::array();
+    for (const BrokenComponent& b : list)
+      json.push_back({{"label", b.label},
+                      {"voxels", b.voxels},
+                      {"fate", b.lost ? "lost" : "split"},
+                      {"place", place_json(b.place)}});
+    return json;
+  };
+  Json json{{"breach", t.breach()},
+            {"min_component", t.min_component},
+            {"broken_components", broken(t.broken)},
+            {"broken_small_components", broken(t.broken_small)},
+            {"contacts", t.contacts},
+            {"separated_contacts", Json::array()},
+            {"image_pinches", t.image_pinches},
+            {"pinches", Json::array()}};
+  for (const SeparatedContact& s : t.separated)
+    json["separated_contacts"].push_back({{"label", s.label}, {"voxels", s.voxels}, {"place", place_json(s.place)}});
+  for (const PinchPlace& p : t.pinches)
+    json["pinches"].push_back({{"label", p.label}, {"in_image", p.in_image}, {"place", place_json(p.place)}});
+  return json;
 }
 
 }  // namespace
@@ -149,6 +170,10 @@ std::string to_json(const Report& report) {
   json["lost_labels"] = report.fidelity.lost_labels();
   json["dice_mean"] = report.fidelity.mean_dice();
   json["cells_with_unknown_label"] = report.fidelity.unknown_cells;
+  if (report.fidelity.topology) {
+    json["interfaces"] = interfaces_json(report.fidelity.interfaces);
+    json["topology"] = topology_json(*report.fidelity.topology);
+  }
   if (report.guarantee) json["guarantee"] = guarantee_json(*report.guarantee);
   if (report.defects) {
     json["valid"] = report.defects->sound();
@@ -162,32 +187,6 @@ std::string to_json(const Report& report) {
   json["warnings"] = report.warnings;
   // Names come from files and may not be valid UTF-8.
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
-}
-
-std::string to_text(const Report& report) {
-  std::string text = std::to_string(report.points) + " points";
-  for (const auto& [type, count] : report.cells) text += ", " + std::to_string(count) + " " + name(type) + " cells";
-  text += format(report.dimension == 2 ? "\nangles %.2f to %.2f degrees" : "\ndihedral angles %.2f to %.2f degrees",
-                 report.quality.angles.min, report.quality.angles.max);
-  if (report.guarantee && report.guarantee->improve.below_after > 0)
-    text += "\n" + std::to_string(report.guarantee->improve.below_after) +
-            " elements stay below the quality asked for (" + std::string(name_of(report.guarantee->improve.stopped)) +
-            ")";
-  if (report.defects) text += "\nvalidity: " + report.defects->describe();
-  std::int64_t materials = 0;
-  bool compared = false;
-  for (const LabelFidelity& l : report.fidelity.labels) {
-    materials += l.cells > 0;
-    compared |= l.voxels > 0;
-  }
-  text += "\n";
-  text += std::to_string(materials) + " labels";
-  if (compared) text += fidelity_text(report.fidelity);
-  if (report.mesh_seconds > 0) {
-    text += format("\nmeshed in %.2f s, %.2f GB at the peak", report.mesh_seconds,
-                   static_cast<double>(report.peak_memory_bytes) / 1e9);
-  }
-  return text + "\n";
 }
 
 template void describe_mesh(const Mesh<2>&, Report&);

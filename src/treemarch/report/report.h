@@ -60,7 +60,10 @@ void describe_mesh(const Mesh<Dim>& mesh, Report& report);
 /// The report as JSON (documented in docs/report.md), indented, with a final newline.
 std::string to_json(const Report& report);
 
-/// The report for people, a few lines; per label only what is out of the ordinary.
-std::string to_text(const Report& report);
+enum class ReportLength : bool { brief, full };
+
+/// The report for people: a few lines, what is out of the ordinary. Full: also tables of the labels, interfaces and
+/// cells that are furthest from what they should be, the worst first, and the places where something is wrong.
+std::string to_text(const Report& report, ReportLength length = ReportLength::brief);
 
 }  // namespace treemarch
