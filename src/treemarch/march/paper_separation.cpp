@@ -24,9 +24,9 @@ constexpr MaterialId kUndecided = kOutside - 1;
 constexpr double kFlat = 1e-6;
 /// Quality (mesh/simplex_quality.h) below which snapping may not bring a cell, unless the vertex had a worse one.
 constexpr double kFairAngle = 10;
-/// The least |f - 1/2| at a vertex of one material under a field: no cut comes nearer to it than 1/6 of an edge, even
+/// The least |f - 1/2| at a vertex of one material under a field: no cut comes nearer to it than 1/5 of an edge, even
 /// where a smooth field would have the surface beyond it.
-constexpr double kLeastOneSided = 0.1;
+constexpr double kLeastOneSided = 0.125;
 
 template <int Dim>
 double shape(const std::array<Vec<Dim>, Dim + 1>& x) {
