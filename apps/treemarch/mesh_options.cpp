@@ -67,7 +67,13 @@ void add_paper_options(CLI::App& mesh, MeshTextOptions& o) {
 }  // namespace
 
 void add_mesh_options(CLI::App& mesh, MeshTextOptions& o) {
-  add_choice<Method>(mesh, "--method", o.plain.method, {{"paper", Method::paper}, {"guaranteed", Method::guaranteed}},
+  add_choice<Method>(mesh, "--method", o.plain.method,
+                     {{"paper", Method::paper},
+                      {"guaranteed", Method::guaranteed},
+                      {"nielson-sung", Method::nielson_sung},
+                      {"nielson-franke", Method::nielson_franke},
+                      {"bonnell", Method::bonnell},
+                      {"hege", Method::hege}},
                      "How the image is meshed")
       ->default_str("guaranteed");
   add_choice<Elements>(mesh, "--elements", o.plain.elements,

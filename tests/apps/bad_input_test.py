@@ -147,6 +147,10 @@ class BadOptions(ProgramTest):
         for option in (["--pattern", "3"], ["--balance", "2"], ["--balance", "none"], ["--snap", "0.1"],
                        ["--smooth", "3"], ["--weight", "1=2"], ["--order", "smallest"], ["--order", "1"]):
             self.refuse(USAGE, "--method", "guaranteed", *option, says=option[0])
+        for option in (["--snap", "0.1"], ["--order", "label"], ["--weight", "1=2"], ["--interface", "0:1=2"],
+                       ["--elements", "hybrid"], ["--border", "closed"]):
+            self.refuse(USAGE, "--method", "nielson-franke", *option, says=option[0])
+        self.refuse(USAGE, "--method", "nielson-sung", says="two materials")
         for option in (["--field", "grey"], ["--border", "closed"], ["--order", "none"], ["--order", "1,1"]):
             self.refuse(USAGE, "--method", "paper", *option, says=option[0])
 

@@ -145,6 +145,11 @@ class Meshes(ProgramTest):
         points, _, _ = self.mesh("--threshold", 33, "--roi", "0:10,0:22,0:24", image=grey)
         self.assertAlmostEqual(points[:, 0].max(), 9.5)
 
+    def test_references(self):
+        for method in ("nielson-franke", "bonnell", "hege"):
+            self.assertEqual(set(self.mesh("--method", method)[2]), {1, 2})
+        self.assertEqual(set(self.mesh("--method", "nielson-sung", "--keep", "2")[2]), {2})
+
     def test_order_of_the_paper(self):
         cells = {}
         for order in ("largest", "smallest", "label", "image", "2", "0,1-2", "2,1,0"):

@@ -47,10 +47,10 @@ void check_guaranteed(const MeshOptions& options) {
     throw Error(ErrorKind::usage, "--quality: must be from 0 to 40 degrees; 20 to 25 can be reached");
 }
 
-/// What the paper's method does not do.
-void check_paper(const MeshOptions& options) {
+/// What only the default method does.
+void check_others(const MeshOptions& options) {
   if (options.closed_border)
-    throw Error(ErrorKind::usage, "--border: cannot be closed with --method paper; choose --method guaranteed");
+    throw Error(ErrorKind::usage, "--border: can be closed with --method guaranteed alone; choose that");
 }
 
 }  // namespace
@@ -64,11 +64,12 @@ MeshResult<Dim> mesh_image(const LabelImage<Dim>& image, const MeshOptions& opti
   if (options.method == Method::guaranteed)
     check_guaranteed(options);
   else
-    check_paper(options);
+    check_others(options);
 
   MeshResult<Dim> result;
-  if (options.method == Method::paper) {
-    result.mesh = mesh_by_paper(image, grey, options, execution);
+  if (options.method != Method::guaranteed) {
+    result.mesh = options.method == Method::paper ? mesh_by_paper(image, grey, options, execution)
+                                                  : mesh_by_reference(image, grey, options, execution);
     const MaterialId background = material_of(image.labels, options.background);
     if (!options.keep_background && background != kOutside) drop_material(result.mesh, background, execution);
   } else {

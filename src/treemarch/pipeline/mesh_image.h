@@ -16,10 +16,15 @@
 
 namespace treemarch {
 
-/// The two complete ways through the stages (ARCHITECTURE.md).
+/// The two complete ways through the stages (ARCHITECTURE.md), and references to compare them with
+/// (docs/stages/references.md).
 enum class Method {
-  paper,       ///< midpoint tessellation and iterated marching simplices
-  guaranteed,  ///< body-centred lattice and one cut for all materials, with a bound on the angles
+  paper,           ///< midpoint tessellation and iterated marching simplices
+  guaranteed,      ///< body-centred lattice and one cut for all materials, with a bound on the angles
+  nielson_sung,    ///< reference: marching tetrahedra for two materials
+  nielson_franke,  ///< reference: a label a vertex, cuts in the middle of edges, triangles and tetrahedra
+  bonnell,         ///< reference: cuts where the largest of the material fractions at the vertices changes
+  hege,            ///< reference: nielson_franke on sub-cells, two a cell and axis
 };
 
 /// What a mesh is made of.

@@ -14,6 +14,11 @@ template <int Dim>
 Mesh<Dim> mesh_by_paper(const LabelImage<Dim>& image, const GreyInput<Dim>* grey, const MeshOptions& options,
                         Execution& execution);
 
+/// One of the references (docs/stages/references.md). Meshes the background too.
+template <int Dim>
+Mesh<Dim> mesh_by_reference(const LabelImage<Dim>& image, const GreyInput<Dim>* grey, const MeshOptions& options,
+                            Execution& execution);
+
 /// The method with bounded angles (docs/stages/cut.md). Leaves the background out unless it is to be kept.
 template <int Dim>
 Mesh<Dim> mesh_with_guarantee(const LabelImage<Dim>& image, const GreyInput<Dim>* grey, const MeshOptions& options,
