@@ -44,7 +44,7 @@ Cut<Dim> cut_image(const LabelImage<Dim>& image, double smallest, bool uniform, 
   field.kind = kind;
   CutOptions options;
   options.quality_floor = floor;
-  cut.mesh = cut_lattice(tessellate_body_centred<Dim>(tree, {}, execution), build_field(image, field, execution),
+  cut.mesh = cut_lattice(tessellate_body_centred<Dim>(tree, execution), build_field(image, field, execution),
                          image.labels, options, cut.report, execution);
   return cut;
 }

@@ -4,46 +4,56 @@
 
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "treemarch/core/execution.h"
+#include "treemarch/core/ranked_bits.h"
+#include "treemarch/march/band.h"
 #include "treemarch/march/label_sets.h"
-#include "treemarch/tessellate/body_centred.h"
 
 namespace treemarch {
 
 using EdgeId = std::uint32_t;
 inline constexpr EdgeId kNoEdge = 0xffffffffU;
+/// Number of a vertex among the ends of separated edges, ascending with the vertex.
+using EndId = std::uint32_t;
 
 /// Edges in the order of their lower vertex, then of their upper one.
 struct EdgeTable {
-  std::vector<EdgeId> first;         ///< edges of lower vertex v are first[v] .. first[v + 1]
-  std::vector<VertexId> lower;       ///< of each edge
-  std::vector<VertexId> upper;       ///< of each edge, ascending within a lower vertex
-  std::vector<EdgeId> first_upward;  ///< the same for upper vertices, into upward
-  std::vector<EdgeId> upward;        ///< edges by their upper vertex
-  std::vector<std::uint32_t> mixed;  ///< simplices with an edge of the table, ascending
-  /// Whether a vertex lies in a simplex with one label only: then the label does not depend on this vertex alone.
+  RankedBits ends;                   ///< of edges, numbered
+  std::vector<VertexId> vertex;      ///< of each end
+  std::vector<EdgeId> first;         ///< edges whose lower vertex is end k are first[k] .. first[k + 1]
+  std::vector<EndId> lower;          ///< of each edge
+  std::vector<EndId> upper;          ///< of each edge, ascending within a lower end
+  std::vector<EdgeId> first_upward;  ///< the same for upper ends, into upward
+  std::vector<EdgeId> upward;        ///< edges by their upper end
+  std::vector<std::uint32_t> mixed;  ///< simplices of the band with an edge of the table, ascending
+  /// Whether an end lies in a simplex with one label only: then the label does not depend on this vertex alone.
   std::vector<std::uint8_t> supported;
 
   [[nodiscard]] std::size_t size() const { return upper.size(); }
-  /// \return kNoEdge if the two vertices are not joined by an edge of the table.
+  [[nodiscard]] EndId end_of(VertexId v) const { return ends.rank(v); }
+  [[nodiscard]] VertexId lower_vertex(EdgeId e) const { return vertex[lower[e]]; }
+  [[nodiscard]] VertexId upper_vertex(EdgeId e) const { return vertex[upper[e]]; }
+  /// \pre the two vertices are joined by an edge of the table.
   [[nodiscard]] EdgeId find(VertexId u, VertexId v) const {
     if (u > v) std::swap(u, v);
-    for (EdgeId e = first[u]; e < first[u + 1]; ++e)
-      if (upper[e] == v) return e;
-    return kNoEdge;
+    const EndId high = end_of(v);
+    EdgeId e = first[end_of(u)];
+    while (upper[e] != high) ++e;
+    return e;
   }
-  /// Calls f(edge, the other end) for every edge at v.
+  /// Calls f(edge, the other end) for every edge at an end.
   template <class F>
-  void for_edges_at(VertexId v, F&& f) const {
-    for (EdgeId e = first[v]; e < first[v + 1]; ++e) f(e, upper[e]);
-    for (EdgeId k = first_upward[v]; k < first_upward[v + 1]; ++k) f(upward[k], lower[upward[k]]);
+  void for_edges_at(EndId k, F&& f) const {
+    for (EdgeId e = first[k]; e < first[k + 1]; ++e) f(e, upper[e]);
+    for (EdgeId i = first_upward[k]; i < first_upward[k + 1]; ++i) f(upward[i], lower[upward[i]]);
   }
 };
 
-/// \throw Error(limits) if there are 2^32 edges or simplices or more.
+/// \throw Error(limits) if there are 2^32 edges or more.
 template <int Dim>
-EdgeTable separated_edges(const SimplexLattice<Dim>& lattice, const VertexLabels& labels, Execution& execution);
+EdgeTable separated_edges(const Band<Dim>& band, const VertexLabels& labels, Execution& execution);
 
 }  // namespace treemarch

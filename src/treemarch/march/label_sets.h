@@ -58,6 +58,9 @@ class VertexLabels {
   [[nodiscard]] LabelSet set_of(VertexId v) const {
     return single(v) ? LabelSet(entry_[v]) : many_[entry_[v] & ~kMany];
   }
+  [[nodiscard]] bool contains(VertexId v, MaterialId m) const {
+    return single(v) ? entry_[v] == m : many_[entry_[v] & ~kMany].contains(m);
+  }
   /// Whether both vertices have the same single label.
   [[nodiscard]] bool same_single(VertexId u, VertexId v) const { return entry_[u] == entry_[v] && single(u); }
   [[nodiscard]] bool disjoint(VertexId u, VertexId v) const {
@@ -67,6 +70,10 @@ class VertexLabels {
       if (std::find(b.begin(), b.end(), m) != b.end()) return false;
     return true;
   }
+
+  /// Number of the set of a vertex that is not single: sets are numbered from 0 to set_count() and keep their numbers.
+  [[nodiscard]] std::uint32_t set_number(VertexId v) const { return entry_[v] & ~kMany; }
+  [[nodiscard]] std::size_t set_count() const { return many_.size(); }
 
   void set_single(VertexId v, MaterialId m) { entry_[v] = m; }
   /// Not for several threads at once: the order of the calls numbers the sets.

@@ -76,15 +76,19 @@ std::set<LatticeShape<Dim>> lattice_shapes(bool graded) {
       level[i] = split >> root & 1;
     }
     const auto tree = build_spacetree<Dim>(lattice, {{two}}, level, 1, execution);
-    const auto mesh = tessellate_body_centred<Dim>(tree, {}, execution);
-    for (const auto& simplex : mesh.simplices) {
-      LatticeShape<Dim> shape{};
-      bool hull = false;
-      for (int k = 0; k <= Dim; ++k) {
-        hull |= mesh.hull_axes(simplex[k]) != 0;
-        for (int d = 0; d < Dim; ++d) shape[k][d] = mesh.vertices[simplex[k]][d] - mesh.vertices[simplex[0]][d];
+    const auto mesh = tessellate_body_centred<Dim>(tree, execution);
+    std::array<typename LeafStar<Dim>::Simplex, LeafStar<Dim>::kMostSimplices> simplices;
+    for (std::size_t leaf = 0; leaf < mesh.leaves.size(); ++leaf) {
+      const int count = mesh.star(static_cast<LeafId>(leaf)).simplices(simplices);
+      for (const auto& simplex : std::span(simplices).first(count)) {
+        LatticeShape<Dim> shape{};
+        bool hull = false;
+        for (int k = 0; k <= Dim; ++k) {
+          hull |= mesh.hull_axes(simplex[k]) != 0;
+          for (int d = 0; d < Dim; ++d) shape[k][d] = mesh.vertices[simplex[k]][d] - mesh.vertices[simplex[0]][d];
+        }
+        if (graded || !hull) shapes.insert(shape);
       }
-      if (graded || !hull) shapes.insert(shape);
     }
   }
   return shapes;

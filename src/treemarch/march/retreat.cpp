@@ -20,9 +20,10 @@ constexpr std::uint8_t kRise = 0x80;
 }  // namespace
 
 template <int Dim>
-CutGeometry<Dim>::CutGeometry(const SimplexLattice<Dim>& lattice, const SnappedLattice<Dim>& snapped,
-                              Execution& execution)
+CutGeometry<Dim>::CutGeometry(const SimplexLattice<Dim>& lattice, const Band<Dim>& band,
+                              const SnappedLattice<Dim>& snapped, Execution& execution)
     : lattice_(lattice),
+      band_(band),
       snapped_(snapped),
       vertex_level_(lattice.vertices.size(), 0),
       cut_level_(snapped.edges.size(), 0) {
@@ -31,37 +32,26 @@ CutGeometry<Dim>::CutGeometry(const SimplexLattice<Dim>& lattice, const SnappedL
 }
 
 template <int Dim>
-bool CutGeometry<Dim>::touched(const Simplex& simplex) const {
-  for (int k = 0; k <= Dim; ++k)
-    if (!snapped_.labels.same_single(simplex[0], simplex[k])) return true;
-  return !snapped_.labels.single(simplex[0]);
-}
-
-template <int Dim>
-unsigned CutGeometry<Dim>::cuts_of(const Simplex& simplex, std::array<EdgeId, T::kEdges>& edge) const {
+unsigned CutGeometry<Dim>::cuts_of(const Simplex& simplex) const {
   unsigned cuts = 0;
-  for (int e = 0; e < T::kEdges; ++e) {
-    const VertexId u = simplex[T::kEdge[e][0]], v = simplex[T::kEdge[e][1]];
-    edge[e] = kNoEdge;
-    if (!snapped_.labels.disjoint(u, v)) continue;
-    edge[e] = snapped_.edges.find(u, v);
-    cuts |= 1U << e;
-  }
+  for (int e = 0; e < T::kEdges; ++e)
+    cuts |= (snapped_.labels.disjoint(simplex[T::kEdge[e][0]], simplex[T::kEdge[e][1]]) ? 1U : 0U) << e;
   return cuts;
 }
 
 template <int Dim>
 Vec<Dim> CutGeometry<Dim>::vertex_point(VertexId v) const {
   const std::uint8_t level = vertex_level_[v] & ~kRise;
-  if (level == 0) return snapped_.points[v];
+  const Vec<Dim> at = snapped_.point(lattice_, v);
+  if (level == 0) return at;
   const Vec<Dim> home = lattice_.point(v);
-  return home + kFactor[level] * (snapped_.points[v] - home);
+  return home + kFactor[level] * (at - home);
 }
 
 template <int Dim>
 Vec<Dim> CutGeometry<Dim>::cut_point(EdgeId e) const {
   const double t = 0.5 + kFactor[cut_level_[e] & ~kRise] * (snapped_.cut[e] - 0.5);
-  const Vec<Dim> a = vertex_point(snapped_.edges.lower[e]), b = vertex_point(snapped_.edges.upper[e]);
+  const Vec<Dim> a = vertex_point(snapped_.edges.lower_vertex(e)), b = vertex_point(snapped_.edges.upper_vertex(e));
   return a + t * (b - a);
 }
 
@@ -86,14 +76,13 @@ Vec<Dim> CutGeometry<Dim>::triple_point(std::int64_t i) const {
 
 template <int Dim>
 void CutGeometry<Dim>::find_triples(Execution& execution) {
-  const auto n = static_cast<std::int64_t>(lattice_.simplices.size());
+  const auto& mixed = snapped_.edges.mixed;
+  const auto n = static_cast<std::int64_t>(mixed.size());
   std::vector<std::vector<Triangle>> found(block_count(n, kBlock));
   parallel_for(execution, static_cast<std::int64_t>(found.size()), 1, [&](std::int64_t block) {
-    std::array<EdgeId, T::kEdges> edge;
     for (std::int64_t i = block * kBlock; i < std::min(n, (block + 1) * kBlock); ++i) {
-      const Simplex& simplex = lattice_.simplices[i];
-      if (!touched(simplex)) continue;
-      const unsigned cuts = cuts_of(simplex, edge);
+      const Simplex& simplex = band_.simplices()[mixed[i]];
+      const unsigned cuts = cuts_of(simplex);
       for (int f = 0; f < T::kFaces; ++f) {
         const auto& e = T::kFaceEdge[f];
         if ((cuts >> e[0] & cuts >> e[1] & cuts >> e[2] & 1) == 0) continue;
@@ -115,15 +104,37 @@ std::int64_t CutGeometry<Dim>::find_triple(Triangle triangle) const {
 }
 
 template <int Dim>
-typename CutGeometry<Dim>::Local CutGeometry<Dim>::local(const Simplex& simplex) const {
-  Local local;
-  for (int k = 0; k <= Dim; ++k) local.point[k] = vertex_point(simplex[k]);
-  local.cuts = cuts_of(simplex, local.edge);
-  local.pattern = local.cuts;
-  local.triple.fill(-1);
-  if (local.cuts == 0) return local;
+void CutGeometry<Dim>::find_cuts(const Simplex& simplex, Local& local) const {
+  local.cuts = cuts_of(simplex);
+  for (int e = 0; e < T::kEdges; ++e)
+    if (local.cuts >> e & 1) local.edge[e] = snapped_.edges.find(simplex[T::kEdge[e][0]], simplex[T::kEdge[e][1]]);
+  for (int f = 0; f < T::kFaces; ++f) {
+    const auto& e = T::kFaceEdge[f];
+    const auto& c = T::kFace[f];
+    local.triple[f] = (local.cuts >> e[0] & local.cuts >> e[1] & local.cuts >> e[2] & 1) == 0
+                          ? -1
+                          : find_triple({simplex[c[0]], simplex[c[1]], simplex[c[2]]});
+  }
+}
 
-  // Keys: long edges first, then cuts near the middle, then the edge's number.
+template <int Dim>
+void CutGeometry<Dim>::place(const Simplex& simplex, Local& local) const {
+  local.placed = true;
+  for (int k = 0; k <= Dim; ++k) local.point[k] = vertex_point(simplex[k]);
+  if (local.cuts == 0) return;
+  for (int e = 0; e < T::kEdges; ++e)
+    if (local.cuts >> e & 1) local.point[T::kCut + e] = cut_point(local.edge[e]);
+  for (int f = 0; f < T::kFaces; ++f)
+    if (local.triple[f] >= 0) local.point[T::kTriple + f] = triple_point(local.triple[f]);
+  if constexpr (Dim == 3) {
+    const auto first = local.point.begin() + (local.cuts == 63 ? T::kTriple : 0);
+    local.point[T::kInner] = 0.25 * (first[0] + first[1] + first[2] + first[3]);
+  }
+}
+
+/// Keys: long edges first, then cuts near the middle, then the edge's number.
+template <int Dim>
+unsigned CutGeometry<Dim>::pattern_of(const Simplex& simplex, const Local& local) const {
   std::array<std::tuple<std::int64_t, std::int64_t, EdgeId>, T::kEdges> key;
   for (int e = 0; e < T::kEdges; ++e) {
     if (!(local.cuts >> e & 1)) continue;
@@ -135,41 +146,28 @@ typename CutGeometry<Dim>::Local CutGeometry<Dim>::local(const Simplex& simplex)
     }
     const double t = snapped_.cut[local.edge[e]];
     key[e] = {-squared, std::llround(std::abs(t - 0.5) * (1 << 20)), local.edge[e]};
-    local.point[T::kCut + e] = cut_point(local.edge[e]);
   }
   std::array<std::uint8_t, T::kEdges> rank{};
   for (int e = 0; e < T::kEdges; ++e)
     for (int other = 0; other < T::kEdges; ++other)
       if (other != e && (local.cuts >> other & local.cuts >> e & 1)) rank[e] += key[other] < key[e];
-  local.pattern = stencil_pattern<Dim>(local.cuts, rank);
-
-  for (int f = 0; f < T::kFaces; ++f) {
-    const auto& e = T::kFaceEdge[f];
-    if ((local.cuts >> e[0] & local.cuts >> e[1] & local.cuts >> e[2] & 1) == 0) continue;
-    const auto& c = T::kFace[f];
-    local.triple[f] = find_triple({simplex[c[0]], simplex[c[1]], simplex[c[2]]});
-    local.point[T::kTriple + f] = triple_point(local.triple[f]);
-  }
-  if constexpr (Dim == 3) {
-    const auto first = local.point.begin() + (local.cuts == 63 ? T::kTriple : 0);
-    local.point[T::kInner] = 0.25 * (first[0] + first[1] + first[2] + first[3]);
-  }
-  return local;
+  return stencil_pattern<Dim>(local.cuts, rank);
 }
 
 template <int Dim>
-StencilChoice CutGeometry<Dim>::choose(const Local& local, bool inner) const {
+StencilChoice CutGeometry<Dim>::choose(const Local& local, unsigned pattern, bool inner) const {
   constexpr unsigned kAllCut = (1U << T::kEdges) - 1;
-  const Stencil<Dim>& all = stencil<Dim>(local.pattern);
+  const Stencil<Dim>& all = stencil<Dim>(pattern);
   StencilChoice best = best_choice<Dim>(all, local.point, Dim == 3 && local.cuts == kAllCut, enough_);
-  if (Dim == 3 && inner && local.cuts != 0 && !meets(best.angles, floor_))
-    best = best_choice<Dim>(all, local.point, true, enough_);
+  if (Dim == 3 && inner && !meets(best.angles, floor_)) best = best_choice<Dim>(all, local.point, true, enough_);
   return best;
 }
 
 template <int Dim>
 template <class F>
-void CutGeometry<Dim>::for_levels(const Simplex& simplex, const Local& local, F&& f) {
+void CutGeometry<Dim>::for_levels(const Simplex& simplex, F&& f) {
+  Local local;
+  find_cuts(simplex, local);
   for (const VertexId v : simplex) f(vertex_level_[v]);
   for (int e = 0; e < T::kEdges; ++e)
     if (local.cuts >> e & 1) f(cut_level_[local.edge[e]]);
@@ -179,16 +177,18 @@ void CutGeometry<Dim>::for_levels(const Simplex& simplex, const Local& local, F&
 
 template <int Dim>
 bool CutGeometry<Dim>::settle(std::int64_t i, bool inner) {
-  const Simplex& simplex = lattice_.simplices[i];
-  std::array<EdgeId, T::kEdges> edge;
-  if (cuts_of(simplex, edge) == 0) {
+  const Simplex& simplex = band_.simplices()[i];
+  if (cuts_of(simplex) == 0) {
     std::array<Vec<Dim>, Dim + 1> p;
     for (int k = 0; k <= Dim; ++k) p[k] = vertex_point(simplex[k]);
     return meets(p, sure_) || meets(angle_range<Dim>(p), floor_);
   }
-  const Local here = local(simplex);
-  const StencilChoice best = choose(here, inner);
-  split_[i].pattern = here.pattern & 0x3ffU;
+  Local local;
+  find_cuts(simplex, local);
+  place(simplex, local);
+  const unsigned pattern = pattern_of(simplex, local);
+  const StencilChoice best = choose(local, pattern, inner);
+  split_[i].pattern = pattern & 0x3ffU;
   split_[i].choice = static_cast<unsigned>(best.choice) & 0x3fU;
   return meets(best.angles, floor_);
 }
@@ -200,7 +200,7 @@ void CutGeometry<Dim>::retreat(double quality_floor, Execution& execution) {
   constexpr double kSure = 1e-6;     // degrees above the floor, more than rounding can make
   floor_ = QualityBound(quality_floor);
   sure_ = SquaredQualityBound(QualityBound(quality_floor + kSure));
-  const auto n = static_cast<std::int64_t>(lattice_.simplices.size());
+  const auto n = static_cast<std::int64_t>(band_.simplices().size());
   split_.assign(n, {});
   // Simplices that may fail: in the first round all that are touched, then those around points that retreated.
   std::vector<std::vector<std::int64_t>> pending(block_count(n, kBlock));
@@ -212,13 +212,12 @@ void CutGeometry<Dim>::retreat(double quality_floor, Execution& execution) {
       const auto settle_or_mark = [&](std::int64_t i) {
         if (settle(i, rounds >= kWithoutInner)) return;
         failed.store(true, std::memory_order_relaxed);
-        for_levels(lattice_.simplices[i], local(lattice_.simplices[i]), [](std::uint8_t& level) {
+        for_levels(band_.simplices()[i], [](std::uint8_t& level) {
           std::atomic_ref<std::uint8_t>(level).fetch_or(kRise, std::memory_order_relaxed);
         });
       };
       if (rounds == 0) {
-        for (std::int64_t i = block * kBlock; i < std::min(n, (block + 1) * kBlock); ++i)
-          if (touched(lattice_.simplices[i])) settle_or_mark(i);
+        for (std::int64_t i = block * kBlock; i < std::min(n, (block + 1) * kBlock); ++i) settle_or_mark(i);
       } else {
         for (const std::int64_t i : pending[block]) settle_or_mark(i);
       }
@@ -241,8 +240,8 @@ void CutGeometry<Dim>::retreat(double quality_floor, Execution& execution) {
       pending[block].clear();
       for (std::int64_t i = block * kBlock; i < std::min(n, (block + 1) * kBlock); ++i) {
         bool near = false;
-        for (const VertexId v : lattice_.simplices[i]) near |= vertex_rose[v] != 0;
-        if (near && touched(lattice_.simplices[i])) pending[block].push_back(i);
+        for (const VertexId v : band_.simplices()[i]) near |= vertex_rose[v] != 0;
+        if (near) pending[block].push_back(i);
       }
     });
   }

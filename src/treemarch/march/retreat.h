@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "treemarch/core/execution.h"
+#include "treemarch/march/band.h"
 #include "treemarch/march/snap.h"
 #include "treemarch/march/stencil.h"
 #include "treemarch/tessellate/body_centred.h"
@@ -30,21 +31,22 @@ class CutGeometry {
   using Simplex = std::array<VertexId, Dim + 1>;
   static constexpr int kLevels = 5;
 
-  /// Everything that a simplex needs to be split.
+  /// What a simplex needs to be split.
   struct Local {
-    unsigned cuts = 0;     ///< bit e: edge e is cut
-    unsigned pattern = 0;  ///< see stencil_pattern()
+    unsigned cuts = 0;  ///< bit e: edge e is cut
     std::array<EdgeId, T::kEdges> edge;
-    std::array<std::int64_t, T::kFaces> triple;  ///< index of the triple point, where a face has three cuts
-    std::array<Vec<Dim>, T::kPoints> point;
+    std::array<std::int64_t, T::kFaces> triple;  ///< index of the triple point, -1 where a face has fewer cuts
+    bool placed = false;
+    std::array<Vec<Dim>, T::kPoints> point;  ///< once placed
   };
 
-  CutGeometry(const SimplexLattice<Dim>& lattice, const SnappedLattice<Dim>& snapped, Execution& execution);
+  CutGeometry(const SimplexLattice<Dim>& lattice, const Band<Dim>& band, const SnappedLattice<Dim>& snapped,
+              Execution& execution);
 
-  /// Whether a simplex has a cut or a displaced vertex, or more than one label to choose from.
-  [[nodiscard]] bool touched(const Simplex& simplex) const;
-  [[nodiscard]] unsigned cuts_of(const Simplex& simplex, std::array<EdgeId, T::kEdges>& edge) const;
-  [[nodiscard]] Local local(const Simplex& simplex) const;
+  /// Finds the cuts and the triple points of a simplex.
+  void find_cuts(const Simplex& simplex, Local& local) const;
+  /// Finds where all its points are. \pre find_cuts(), unless nothing is cut.
+  void place(const Simplex& simplex, Local& local) const;
 
   [[nodiscard]] Vec<Dim> vertex_point(VertexId v) const;
   [[nodiscard]] Vec<Dim> cut_point(EdgeId e) const;
@@ -53,7 +55,7 @@ class CutGeometry {
 
   /// Retreats until every stencil meets the floor. Levels only rise and the last level passes, so it ends.
   void retreat(double quality_floor, Execution& execution);
-  /// How each simplex is split after retreat().
+  /// How each simplex of the band is split after retreat().
   [[nodiscard]] SplitRecord split(std::int64_t simplex) const { return split_[simplex]; }
 
   std::int64_t retreated = 0;  ///< points that are not where they were cut or snapped
@@ -62,16 +64,20 @@ class CutGeometry {
  private:
   using Triangle = std::array<VertexId, 3>;  // ascending
   void find_triples(Execution& execution);
+  [[nodiscard]] unsigned cuts_of(const Simplex& simplex) const;
+  /// See stencil_pattern().
+  [[nodiscard]] unsigned pattern_of(const Simplex& simplex, const Local& local) const;
   /// The best way to split a simplex; the inner point is taken only where nothing else meets the floor.
-  [[nodiscard]] StencilChoice choose(const Local& local, bool inner) const;
+  [[nodiscard]] StencilChoice choose(const Local& local, unsigned pattern, bool inner) const;
   /// Chooses how to split a simplex. \return whether the choice meets the floor.
   bool settle(std::int64_t simplex, bool inner);
   [[nodiscard]] std::int64_t find_triple(Triangle triangle) const;
   /// Calls f(level) for each point of a stencil that can retreat.
   template <class F>
-  void for_levels(const Simplex& simplex, const Local& local, F&& f);
+  void for_levels(const Simplex& simplex, F&& f);
 
   const SimplexLattice<Dim>& lattice_;
+  const Band<Dim>& band_;
   const SnappedLattice<Dim>& snapped_;
   std::vector<Triangle> triples_;  // ascending
   std::vector<std::uint8_t> vertex_level_, cut_level_, triple_level_;

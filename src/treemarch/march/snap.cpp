@@ -17,16 +17,17 @@ constexpr std::int64_t kGrain = 2048;
 template <int Dim>
 class Snapper {
  public:
-  Snapper(const SimplexLattice<Dim>& lattice, const Field<Dim>& field, const SnapOptions& options, Execution& execution,
-          SnappedLattice<Dim>& state)
+  Snapper(const SimplexLattice<Dim>& lattice, const Band<Dim>& band, const Field<Dim>& field,
+          const SnapOptions& options, Execution& execution, SnappedLattice<Dim>& state)
       : lattice_(lattice),
+        band_(band),
         field_(field),
         options_(options),
         execution_(execution),
         state_(state),
-        moved_(lattice.vertices.size(), 1),
-        depth_(lattice.vertices.size(), 0),
-        support_(lattice.vertices.size(), 0) {}
+        moved_(state.edges.vertex.size(), 1),
+        depth_(state.edges.vertex.size(), 0),
+        support_(state.edges.vertex.size(), 0) {}
 
   void run() {
     state_.cut.assign(state_.edges.size(), -1);
@@ -45,6 +46,7 @@ class Snapper {
  private:
   struct Move {
     VertexId vertex;
+    EndId end;
     std::uint64_t depth;  // quantised distance to the cut, never 0; ties broken by the vertex
     LabelSet labels;
     Vec<Dim> point;
@@ -52,7 +54,8 @@ class Snapper {
 
   /// The part of an edge within which a cut attracts the vertex.
   [[nodiscard]] double reach(EdgeId e) const {
-    const Coord<Dim>&a = lattice_.vertices[state_.edges.lower[e]], &b = lattice_.vertices[state_.edges.upper[e]];
+    const Coord<Dim>&a = lattice_.vertices[state_.edges.lower_vertex(e)],
+          &b = lattice_.vertices[state_.edges.upper_vertex(e)];
     int axes = 0;
     for (int d = 0; d < Dim; ++d) axes += a[d] != b[d];
     return axes == 1 ? options_.long_edge : options_.short_edge;
@@ -66,29 +69,32 @@ class Snapper {
   void locate_cuts();
   [[nodiscard]] double locate_cut(VertexId u, VertexId v) const;
   std::int64_t snap_round();
-  [[nodiscard]] bool propose(VertexId v, Move& move) const;
+  [[nodiscard]] bool propose(EndId k, Move& move) const;
+  [[nodiscard]] Vec<Dim> point(VertexId v) const { return state_.point(lattice_, v); }
   void find_support();
   /// Whether a label does not vanish around the vertex when it moves.
   [[nodiscard]] bool supported(const Move& move) const {
-    return !state_.labels.single(move.vertex) || state_.edges.supported[move.vertex] ||
-           support_[move.vertex] > move.depth;
+    return !state_.labels.single(move.vertex) || state_.edges.supported[move.end] || support_[move.end] > move.depth;
   }
 
   const SimplexLattice<Dim>& lattice_;
+  const Band<Dim>& band_;
   const Field<Dim>& field_;
   const SnapOptions& options_;
   Execution& execution_;
   SnappedLattice<Dim>& state_;
+  // Of the ends of edges:
   std::vector<std::uint8_t> moved_;     // in the last round
-  std::vector<std::uint64_t> depth_;    // of the vertices that want to move, else 0
+  std::vector<std::uint64_t> depth_;    // of those that want to move, else 0
   std::vector<std::uint64_t> support_;  // the largest depth of a neighbour with the same single label
 };
 
 template <int Dim>
 void Snapper<Dim>::locate_cuts() {
   parallel_for(execution_, static_cast<std::int64_t>(state_.edges.size()), kGrain, [&](std::int64_t e) {
-    const VertexId u = state_.edges.lower[e], v = state_.edges.upper[e];
-    if (!moved_[u] && !moved_[v]) return;
+    if (!moved_[state_.edges.lower[e]] && !moved_[state_.edges.upper[e]]) return;
+    const VertexId u = state_.edges.lower_vertex(static_cast<EdgeId>(e)),
+                   v = state_.edges.upper_vertex(static_cast<EdgeId>(e));
     state_.cut[e] = state_.labels.disjoint(u, v) ? static_cast<float>(locate_cut(u, v)) : -1.0F;
   });
 }
@@ -98,7 +104,7 @@ void Snapper<Dim>::locate_cuts() {
 template <int Dim>
 double Snapper<Dim>::locate_cut(VertexId u, VertexId v) const {
   const auto a = state_.labels.of(u), b = state_.labels.of(v);
-  const Vec<Dim>&x = state_.points[u], &y = state_.points[v];
+  const Vec<Dim> x = point(u), y = point(v);
   const auto value = [&](double t) { return double{best_difference<Dim>(field_, x + t * (y - x), a, b)}; };
   double low = 0, high = 1, f_low = std::max(0.0, value(0)), f_high = std::min(0.0, value(1));
   const auto guess = [&] {
@@ -131,15 +137,22 @@ template <int Dim>
 void Snapper<Dim>::find_support() {
   constexpr std::uint64_t kStays = ~std::uint64_t{0};
   parallel_for(execution_, static_cast<std::int64_t>(state_.edges.mixed.size()), kGrain, [&](std::int64_t i) {
-    const auto& simplex = lattice_.simplices[state_.edges.mixed[i]];
-    for (const VertexId v : simplex) {
-      if (depth_[v] == 0) continue;
-      for (const VertexId w : simplex) {
-        if (w == v || !state_.labels.same_single(v, w)) continue;
-        const std::uint64_t depth = depth_[w] ? depth_[w] : kStays;
-        std::atomic_ref<std::uint64_t> most(support_[v]);
+    const auto& simplex = band_.simplices()[state_.edges.mixed[i]];
+    std::array<std::uint64_t, Dim + 1> depth{};
+    std::array<EndId, Dim + 1> end{};
+    for (int k = 0; k <= Dim; ++k) {
+      if (!state_.edges.ends.contains(simplex[k])) continue;
+      end[k] = state_.edges.end_of(simplex[k]);
+      depth[k] = depth_[end[k]];
+    }
+    for (int v = 0; v <= Dim; ++v) {
+      if (depth[v] == 0) continue;
+      for (int w = 0; w <= Dim; ++w) {
+        if (w == v || !state_.labels.same_single(simplex[v], simplex[w])) continue;
+        const std::uint64_t other = depth[w] ? depth[w] : kStays;
+        std::atomic_ref<std::uint64_t> most(support_[end[v]]);
         std::uint64_t seen = most.load(std::memory_order_relaxed);
-        while (seen < depth && !most.compare_exchange_weak(seen, depth, std::memory_order_relaxed)) {
+        while (seen < other && !most.compare_exchange_weak(seen, other, std::memory_order_relaxed)) {
         }
       }
     }
@@ -148,17 +161,17 @@ void Snapper<Dim>::find_support() {
 
 template <int Dim>
 std::int64_t Snapper<Dim>::snap_round() {
-  constexpr std::int64_t kBlock = 8192;
-  const auto n = static_cast<std::int64_t>(lattice_.vertices.size());
+  constexpr std::int64_t kBlock = 4096;
+  const auto n = static_cast<std::int64_t>(depth_.size());
   std::vector<std::vector<Move>> moves(block_count(n, kBlock));
   parallel_for(execution_, static_cast<std::int64_t>(moves.size()), 1, [&](std::int64_t block) {
     Move move;
-    for (std::int64_t v = block * kBlock; v < std::min(n, (block + 1) * kBlock); ++v) {
-      support_[v] = 0;
-      depth_[v] = 0;
-      if (!propose(static_cast<VertexId>(v), move)) continue;
+    for (std::int64_t k = block * kBlock; k < std::min(n, (block + 1) * kBlock); ++k) {
+      support_[k] = 0;
+      depth_[k] = 0;
+      if (!propose(static_cast<EndId>(k), move)) continue;
       moves[block].push_back(move);
-      depth_[v] = move.depth;
+      depth_[k] = move.depth;
     }
   });
   find_support();
@@ -171,8 +184,9 @@ std::int64_t Snapper<Dim>::snap_round() {
   for (const Move* move : accepted) {
     state_.snapped += state_.labels.single(move->vertex);
     state_.labels.set_many(move->vertex, move->labels);
-    state_.points[move->vertex] = move->point;
-    moved_[move->vertex] = 1;
+    if (state_.labels.set_count() > state_.points.size()) state_.points.emplace_back();
+    state_.points[state_.labels.set_number(move->vertex)] = move->point;
+    moved_[move->end] = 1;
     ++count;
   }
   return count;
@@ -180,34 +194,39 @@ std::int64_t Snapper<Dim>::snap_round() {
 
 /// The vertex takes the nearest of the cuts within reach, by quantised distance, then by the other end.
 template <int Dim>
-bool Snapper<Dim>::propose(VertexId v, Move& move) const {
+bool Snapper<Dim>::propose(EndId end, Move& move) const {
+  const VertexId v = state_.edges.vertex[end];
   const unsigned fixed = lattice_.hull_axes(v);
   if (fixed == (1U << Dim) - 1) return false;
+  const double most_reach = std::max(options_.short_edge, options_.long_edge);
+  const Vec<Dim> here = point(v);
   std::pair<std::int64_t, Coord<Dim>> nearest{std::numeric_limits<std::int64_t>::max(), {}};
   VertexId other = v;
   double at = 0;
-  state_.edges.for_edges_at(v, [&](EdgeId e, VertexId w) {
+  state_.edges.for_edges_at(end, [&](EdgeId e, EndId w_end) {
     if (state_.cut[e] < 0) return;
-    const double t = v < w ? state_.cut[e] : 1 - state_.cut[e];
-    if (t > reach(e)) return;
-    const double distance = t * norm(state_.points[w] - state_.points[v]) / cell_side(v);
+    const double t = end < w_end ? state_.cut[e] : 1 - state_.cut[e];
+    if (t > most_reach || t > reach(e)) return;
+    const VertexId w = state_.edges.vertex[w_end];
+    const double distance = t * norm(point(w) - here) / cell_side(v);
     const std::pair<std::int64_t, Coord<Dim>> key{std::llround(distance * (1 << 20)), lattice_.vertices[w]};
     if (key < nearest) nearest = key, other = w, at = t;
   });
   if (other == v) return false;
-  const Vec<Dim> cut = state_.points[v] + at * (state_.points[other] - state_.points[v]);
+  const Vec<Dim> cut = here + at * (point(other) - here);
   const auto ends = state_.labels.of(other);
   MaterialId gained = ends[0];
   float best = field_.weight(cut, gained);
   for (std::size_t k = 1; k < ends.size(); ++k)
     if (const float w = field_.weight(cut, ends[k]); w > best) best = w, gained = ends[k];
   move.vertex = v;
+  move.end = end;
   move.depth = (static_cast<std::uint64_t>(nearest.first + 1) << 32) | v;
   move.labels = state_.labels.set_of(v);
   if (move.labels.size() == LabelSet::kMost) return false;
   move.labels.insert(gained);
   const bool on_cut = move.labels.size() == 2 && (fixed & ~lattice_.hull_axes(other)) == 0;
-  move.point = on_cut ? cut : move_to_junction(field_, state_.points[v], move.labels.items(), fixed);
+  move.point = on_cut ? cut : move_to_junction(field_, here, move.labels.items(), fixed);
   const Vec<Dim> home = lattice_.point(v);
   const double distance = norm(move.point - home), most = options_.max_displacement * cell_side(v);
   if (distance > most) move.point = home + (most / distance) * (move.point - home);
@@ -217,21 +236,23 @@ bool Snapper<Dim>::propose(VertexId v, Move& move) const {
 }  // namespace
 
 template <int Dim>
-SnappedLattice<Dim> snap_vertices(const SimplexLattice<Dim>& lattice, VertexLabels labels, const Field<Dim>& field,
-                                  const SnapOptions& options, Execution& execution) {
+SnappedLattice<Dim> snap_vertices(const SimplexLattice<Dim>& lattice, const Band<Dim>& band, VertexLabels labels,
+                                  const Field<Dim>& field, const SnapOptions& options, Execution& execution) {
   SnappedLattice<Dim> state;
   state.labels = std::move(labels);
-  state.edges = separated_edges(lattice, state.labels, execution);
-  state.points.resize(lattice.vertices.size());
-  parallel_for(execution, static_cast<std::int64_t>(state.points.size()), kGrain,
-               [&](std::int64_t v) { state.points[v] = lattice.point(static_cast<VertexId>(v)); });
-  Snapper<Dim>(lattice, field, options, execution, state).run();
+  state.edges = separated_edges(band, state.labels, execution);
+  state.points.resize(state.labels.set_count());
+  parallel_for(execution, static_cast<std::int64_t>(lattice.vertices.size()), 4 * kGrain, [&](std::int64_t i) {
+    const auto v = static_cast<VertexId>(i);
+    if (!state.labels.single(v)) state.points[state.labels.set_number(v)] = lattice.point(v);
+  });
+  Snapper<Dim>(lattice, band, field, options, execution, state).run();
   return state;
 }
 
-template SnappedLattice<2> snap_vertices(const SimplexLattice<2>&, VertexLabels, const Field<2>&, const SnapOptions&,
-                                         Execution&);
-template SnappedLattice<3> snap_vertices(const SimplexLattice<3>&, VertexLabels, const Field<3>&, const SnapOptions&,
-                                         Execution&);
+template SnappedLattice<2> snap_vertices(const SimplexLattice<2>&, const Band<2>&, VertexLabels, const Field<2>&,
+                                         const SnapOptions&, Execution&);
+template SnappedLattice<3> snap_vertices(const SimplexLattice<3>&, const Band<3>&, VertexLabels, const Field<3>&,
+                                         const SnapOptions&, Execution&);
 
 }  // namespace treemarch

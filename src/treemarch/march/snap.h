@@ -24,19 +24,21 @@ struct SnapOptions {
 template <int Dim>
 struct SnappedLattice {
   VertexLabels labels;           ///< grown by the labels that a vertex was snapped to
-  std::vector<Vec<Dim>> points;  ///< positions after snapping
+  std::vector<Vec<Dim>> points;  ///< of the vertices with several labels, by the number of their set; others stay
   EdgeTable edges;               ///< separated before snapping
   /// Where an edge that is still separated is cut: the fraction from its lower to its upper vertex, at a distance from
   /// both ends; negative where the edge is not cut.
   std::vector<float> cut;
   std::int64_t snapped = 0;  ///< vertices that moved
 
-  [[nodiscard]] bool is_cut(EdgeId e) const { return e != kNoEdge && cut[e] >= 0; }
+  [[nodiscard]] Vec<Dim> point(const SimplexLattice<Dim>& lattice, VertexId v) const {
+    return labels.single(v) ? lattice.point(v) : points[labels.set_number(v)];
+  }
 };
 
 /// Jacobi rounds, so that the result depends on no order. Vertices on the hull stay within their face, edge or corner.
 template <int Dim>
-SnappedLattice<Dim> snap_vertices(const SimplexLattice<Dim>& lattice, VertexLabels labels, const Field<Dim>& field,
-                                  const SnapOptions& options, Execution& execution);
+SnappedLattice<Dim> snap_vertices(const SimplexLattice<Dim>& lattice, const Band<Dim>& band, VertexLabels labels,
+                                  const Field<Dim>& field, const SnapOptions& options, Execution& execution);
 
 }  // namespace treemarch

@@ -59,24 +59,6 @@ bool is_coarse(const SizingRule& rule, double voxel) {
   return largest > voxel * kSizeTolerance;
 }
 
-/// Leaves that lie deep inside a material that will not be written.
-template <int Dim>
-std::vector<std::uint8_t> leaves_inside(const Spacetree<Dim>& tree, const Field<Dim>& field, MaterialId material,
-                                        Execution& execution) {
-  std::vector<std::uint8_t> inside(tree.leaves.size(), 0);
-  parallel_for(execution, static_cast<std::int64_t>(inside.size()), 2048, [&](std::int64_t i) {
-    const Leaf<Dim>& leaf = tree.leaves[i];
-    Vec<Dim> low{}, high{};
-    for (int d = 0; d < Dim; ++d) {
-      const double margin = tree.lattice.unit[d];
-      low[d] = leaf.corner[d] * tree.lattice.unit[d] - margin;
-      high[d] = (leaf.corner[d] + tree.extent_of(leaf)[d]) * tree.lattice.unit[d] + margin;
-    }
-    inside[i] = field.uniform_label(low, high) == material;
-  });
-  return inside;
-}
-
 /// The image with a layer of background around it, so that nothing else touches its sides.
 template <int Dim>
 LabelImage<Dim> padded(const LabelImage<Dim>& image, std::int32_t background) {
@@ -145,16 +127,14 @@ Mesh<Dim> mesh_with_guarantee(const LabelImage<Dim>& given, const GreyInput<Dim>
   const Field<Dim> field = make_field(image, grey, field_kind(options, grey, FieldKind::dgf), options, execution);
 
   stage.emplace(execution, "lattice");
-  std::vector<std::uint8_t> skip;
-  if (drop) skip = leaves_inside(tree, field, background, execution);
-  SimplexLattice<Dim> lattice = tessellate_body_centred(tree, skip, execution);
-  tree = {};
+  SimplexLattice<Dim> lattice = tessellate_body_centred(std::move(tree), execution);
 
   stage.emplace(execution, "cut");
   CutOptions cut;
   cut.quality_floor = report.quality_floor;
   Mesh<Dim> mesh = cut_lattice(lattice, field, image.labels, cut, report.cut, execution);
   lattice = {};
+
   stage.emplace(execution, "topology");
   RepairOptions repair;
   repair.min_component = options.min_component;

@@ -1,6 +1,7 @@
 #include "treemarch/tessellate/body_centred.h"
 
 #include <algorithm>
+#include <atomic>
 #include <bit>
 #include <limits>
 
@@ -10,224 +11,7 @@
 namespace treemarch {
 namespace {
 
-constexpr std::int64_t kBlock = 2048;  // leaves a block of the parallel loops
-
-constexpr int power(int base, int exponent) { return exponent == 0 ? 1 : base * power(base, exponent - 1); }
-
-/// Corners of a leaf are numbered by bits: bit d is set at the upper end along axis d. Directions to neighbours are
-/// numbered in base three: digit d is 0 below, 1 beside, 2 above along axis d.
-template <int Dim>
-class Builder {
- public:
-  static constexpr int kCorners = 1 << Dim;
-  static constexpr int kDirections = power(3, Dim);
-  using Simplex = std::array<VertexId, Dim + 1>;
-
-  Builder(const Spacetree<Dim>& tree, const std::vector<std::uint8_t>& skip, Execution& execution)
-      : tree_(tree), skip_(skip), execution_(execution) {}
-
-  SimplexLattice<Dim> build() {
-    find_owners();
-    number_vertices();
-    emit_simplices();
-    return std::move(out_);
-  }
-
- private:
-  /// The leaf in whose run of vertices a lattice point is numbered: the first of those that have it as a corner.
-  struct Owner {
-    LeafId leaf = kNoLeaf;
-    int corner = 0;
-    std::int32_t smallest = std::numeric_limits<std::int32_t>::max();  // side of the smallest leaf around the point
-
-    void offer(const Builder& builder, LeafId id, const Coord<Dim>& point);
-  };
-  /// The leaves around a leaf: of several smaller ones in one direction, one of them.
-  using Neighbours = std::array<LeafId, kDirections>;
-
-  [[nodiscard]] std::int64_t leaf_count() const { return static_cast<std::int64_t>(tree_.leaves.size()); }
-  [[nodiscard]] bool skipped(LeafId leaf) const { return !skip_.empty() && skip_[leaf]; }
-  [[nodiscard]] std::int32_t side(LeafId leaf) const { return tree_.extent_of(tree_.leaves[leaf])[0]; }
-  [[nodiscard]] Coord<Dim> corner_point(LeafId leaf, int corner) const;
-  [[nodiscard]] Neighbours neighbours_of(LeafId leaf) const;
-  [[nodiscard]] Owner owner_of(const Coord<Dim>& point) const;
-  [[nodiscard]] Owner owner_of(LeafId leaf, int corner, const Neighbours& around) const;
-
-  void find_owners();
-  void number_vertices();
-  void emit_simplices();
-
-  template <class Emit>
-  void simplices_of(LeafId leaf, Emit&& emit) const;
-  template <class Emit>
-  void face_between_levels(LeafId small, LeafId big, int axis, int up, Emit&& emit) const;
-  template <class Emit>
-  void for_rim(LeafId leaf, int axis, int up, const Neighbours& around, Emit&& emit) const;
-
-  const Spacetree<Dim>& tree_;
-  const std::vector<std::uint8_t>& skip_;
-  Execution& execution_;
-  // Each leaf has a run of vertices: its centre, the corners that it owns, and (3D) the centres of its faces on the
-  // hull.
-  std::vector<VertexId> centre_;                             // first of the run
-  std::vector<std::array<VertexId, kCorners>> corners_;      // of every leaf, owned or not; at first packed owners
-  std::vector<std::array<std::uint8_t, kCorners>> spacing_;  // at every corner
-  std::vector<std::uint8_t> owned_;                          // a bit a corner
-  std::vector<std::uint8_t> hull_faces_;                     // a bit a face, 2 * axis + up
-  SimplexLattice<Dim> out_;
-};
-
-template <int Dim>
-Coord<Dim> Builder<Dim>::corner_point(LeafId leaf, int corner) const {
-  Coord<Dim> p = tree_.leaves[leaf].corner;
-  const std::int32_t s = side(leaf);
-  for (int d = 0; d < Dim; ++d)
-    if (corner >> d & 1) p[d] += s;
-  return p;
-}
-
-template <int Dim>
-typename Builder<Dim>::Neighbours Builder<Dim>::neighbours_of(LeafId leaf) const {
-  const Coord<Dim>& lower = tree_.leaves[leaf].corner;
-  const std::int32_t s = side(leaf);
-  Neighbours around;
-  for (int direction = 0; direction < kDirections; ++direction) {
-    if (direction == kDirections / 2) {
-      around[direction] = leaf;
-      continue;
-    }
-    Coord<Dim> cell = lower;
-    for (int d = 0, digits = direction; d < Dim; ++d, digits /= 3)
-      cell[d] += digits % 3 == 0 ? -1 : digits % 3 == 2 ? s : 0;
-    around[direction] = tree_.leaf_at(cell);
-  }
-  return around;
-}
-
-template <int Dim>
-void Builder<Dim>::Owner::offer(const Builder& builder, LeafId id, const Coord<Dim>& point) {
-  if (id == kNoLeaf) return;
-  const Coord<Dim>& lower = builder.tree_.leaves[id].corner;
-  const std::int32_t s = builder.side(id);
-  smallest = std::min(smallest, s);
-  int which = 0;
-  bool is_corner = true;
-  for (int d = 0; d < Dim; ++d) {
-    which |= (point[d] == lower[d] + s) << d;
-    is_corner &= point[d] == lower[d] || point[d] == lower[d] + s;
-  }
-  if (is_corner && (leaf == kNoLeaf || id < leaf)) leaf = id, corner = which;
-}
-
-template <int Dim>
-typename Builder<Dim>::Owner Builder<Dim>::owner_of(const Coord<Dim>& point) const {
-  Owner owner;
-  for (int octant = 0; octant < kCorners; ++octant) {
-    Coord<Dim> cell = point;
-    for (int d = 0; d < Dim; ++d) cell[d] -= !(octant >> d & 1);
-    owner.offer(*this, tree_.leaf_at(cell), point);
-  }
-  return owner;
-}
-
-/// The same for a corner of a leaf. Where a neighbour is not smaller, it is the leaf there at every place.
-template <int Dim>
-typename Builder<Dim>::Owner Builder<Dim>::owner_of(LeafId leaf, int corner, const Neighbours& around) const {
-  const Coord<Dim> point = corner_point(leaf, corner);
-  const std::int32_t s = side(leaf);
-  Owner owner;
-  for (int outward = 0; outward < kCorners; ++outward) {  // bit d: beyond the corner along axis d
-    int direction = 0;
-    for (int d = Dim; d-- > 0;) direction = 3 * direction + (outward >> d & 1 ? (corner >> d & 1 ? 2 : 0) : 1);
-    LeafId id = around[direction];
-    if (id != kNoLeaf && side(id) < s) {
-      Coord<Dim> cell = point;
-      for (int d = 0; d < Dim; ++d) cell[d] -= (corner >> d & 1) != (outward >> d & 1);
-      id = tree_.leaf_at(cell);
-    }
-    owner.offer(*this, id, point);
-  }
-  return owner;
-}
-
-std::uint8_t log2_of(std::int32_t side) {
-  return static_cast<std::uint8_t>(std::countr_zero(static_cast<std::uint32_t>(side)));
-}
-
-template <int Dim>
-void Builder<Dim>::find_owners() {
-  const std::int64_t n = leaf_count();
-  if (n >= std::int64_t{1} << (32 - Dim))
-    throw Error(ErrorKind::limits, "--min-size: the lattice needs 2^32 vertices or more; choose larger cells");
-  corners_.resize(n);
-  spacing_.resize(n);
-  owned_.assign(n, 0);
-  hull_faces_.assign(n, 0);
-  parallel_for(execution_, n, kBlock, [&](std::int64_t i) {
-    const LeafId leaf = static_cast<LeafId>(i);
-    const Neighbours around = neighbours_of(leaf);
-    for (int c = 0; c < kCorners; ++c) {
-      const Owner owner = owner_of(leaf, c, around);
-      corners_[i][c] = static_cast<VertexId>(owner.leaf) * kCorners + static_cast<VertexId>(owner.corner);
-      spacing_[i][c] = log2_of(owner.smallest);
-      if (owner.leaf == leaf) owned_[i] |= static_cast<std::uint8_t>(1U << c);
-    }
-    if constexpr (Dim == 3) {
-      for (int d = 0, step = 1; d < Dim; ++d, step *= 3) {
-        const bool low = around[kDirections / 2 - step] == kNoLeaf, high = around[kDirections / 2 + step] == kNoLeaf;
-        hull_faces_[i] |= static_cast<std::uint8_t>((low | high << 1) << (2 * d));
-      }
-    }
-  });
-}
-
-template <int Dim>
-void Builder<Dim>::number_vertices() {
-  const std::int64_t n = leaf_count();
-  centre_.resize(n);
-  std::int64_t next = 0;
-  for (std::int64_t i = 0; i < n; ++i) {
-    centre_[i] = static_cast<VertexId>(next);
-    next += 1 + std::popcount(owned_[i]) + std::popcount(hull_faces_[i]);
-  }
-  if (next >= static_cast<std::int64_t>(std::numeric_limits<VertexId>::max()))
-    throw Error(ErrorKind::limits, "--min-size: the lattice needs 2^32 vertices or more; choose larger cells");
-  out_.vertices.resize(next);
-  out_.spacing.resize(next);
-  for (int d = 0; d < Dim; ++d) {
-    out_.unit[d] = tree_.lattice.unit[d] / 2;
-    out_.extent[d] = tree_.lattice.extent[d] * 2;
-  }
-  parallel_for(execution_, n, kBlock, [&](std::int64_t i) {
-    const LeafId leaf = static_cast<LeafId>(i);
-    const std::int32_t s = side(leaf);
-    Coord<Dim> centre{};
-    for (int d = 0; d < Dim; ++d) centre[d] = 2 * tree_.leaves[i].corner[d] + s;
-    VertexId v = centre_[i];
-    const auto place = [&](const Coord<Dim>& at, std::uint8_t spacing) {
-      out_.vertices[v] = at;
-      out_.spacing[v++] = spacing;
-    };
-    place(centre, log2_of(s));
-    for (int c = 0; c < kCorners; ++c) {
-      if (!(owned_[i] >> c & 1)) continue;
-      Coord<Dim> p = centre;
-      for (int d = 0; d < Dim; ++d) p[d] += c >> d & 1 ? s : -s;
-      place(p, spacing_[i][c]);
-    }
-    for (int face = 0; face < 2 * Dim; ++face) {
-      if (!(hull_faces_[i] >> face & 1)) continue;
-      Coord<Dim> p = centre;
-      p[face / 2] += face % 2 ? s : -s;
-      place(p, log2_of(s));
-    }
-    for (VertexId& packed : corners_[i]) {
-      const std::int64_t owner = packed / kCorners;
-      const unsigned before = owned_[owner] & ((1U << (packed % kCorners)) - 1);
-      packed = centre_[owner] + 1 + static_cast<VertexId>(std::popcount(before));
-    }
-  });
-}
+constexpr std::int64_t kGrain = 2048;  // leaves
 
 /// Corners of a face in the order in which they go around it, counter-clockwise about +axis (2D: from lower to upper
 /// end).
@@ -242,41 +26,123 @@ constexpr std::array<int, 1 << (Dim - 1)> face_ring(int axis, int up) {
   }
 }
 
-/// Calls emit(a, b) for the segments of the rim of a face (2D: of the face). A hanging vertex halves an edge.
+/// Number of the edge between two corners: along axis d, 4 d (2D: 2 d) and a bit for each other axis, in their order.
 template <int Dim>
-template <class Emit>
-void Builder<Dim>::for_rim(LeafId leaf, int axis, int up, const Neighbours& around, Emit&& emit) const {
-  const auto ring = face_ring<Dim>(axis, up);
-  const std::int32_t s = side(leaf);
-  // Whether a leaf around the edge between two corners is smaller: the edge then has a vertex in its middle.
-  const auto halved = [&](int from, int to) {
-    for (int outward = 1; outward < kCorners; ++outward) {
-      int direction = 0;
-      bool beside = false;
-      for (int d = Dim; d-- > 0;) {
-        const bool along = (from ^ to) >> d & 1, out = outward >> d & 1;
-        beside |= along && out;
-        direction = 3 * direction + (out ? (from >> d & 1 ? 2 : 0) : 1);
+constexpr int edge_between(int a, int b) {
+  const int axis = std::countr_zero(static_cast<unsigned>(a ^ b));
+  int place = 0;
+  for (int d = 0, bit = 0; d < Dim; ++d)
+    if (d != axis) place |= (a >> d & 1) << bit++;
+  return axis * (1 << (Dim - 1)) + place;
+}
+
+template <int Dim>
+Coord<Dim> centre_of(const Leaf<Dim>& leaf, std::int32_t side) {
+  Coord<Dim> centre{};
+  for (int d = 0; d < Dim; ++d) centre[d] = 2 * leaf.corner[d] + side;
+  return centre;
+}
+
+/// The point that is `half` away from `from`, downwards along the axes whose bit is not set.
+template <int Dim>
+Coord<Dim> corner_of(const Coord<Dim>& from, std::int32_t half, int bits) {
+  Coord<Dim> p = from;
+  for (int d = 0; d < Dim; ++d) p[d] += bits >> d & 1 ? half : -half;
+  return p;
+}
+
+template <int Dim>
+Coord<Dim> shifted(Coord<Dim> p, int axis, std::int32_t by) {
+  p[axis] += by;
+  return p;
+}
+
+/// A leaf of the smallest side, by far the most frequent: its vertices are found by steps from bit to bit.
+template <int Dim>
+void find_vertices_of_finest(const SimplexLattice<Dim>& lattice, const Leaf<Dim>& leaf, LeafStar<Dim>& star) {
+  const auto& points = lattice.points;
+  const RankedBits& bits = points.bits();
+  const std::int64_t corner = points.even_key(leaf.corner), centre = points.odd_key(leaf.corner);
+  star.centre = bits.rank(centre);
+  for (int c = 0; c < LeafStar<Dim>::kCorners; c += 2) {
+    std::int64_t key = corner;
+    for (int d = 1; d < Dim; ++d) key += c >> d & 1 ? points.even_stride(d) : 0;
+    star.corner[c] = bits.rank(key);
+    star.corner[c + 1] = star.corner[c] + 1;
+  }
+  if constexpr (Dim == 3) {
+    for (int axis = 0; axis < Dim; ++axis)
+      for (int up = 0; up < 2; ++up) {
+        const bool on_hull = up ? leaf.corner[axis] + 1 == points.cells()[axis] : leaf.corner[axis] == 0;
+        const std::int64_t beyond = centre + (up ? points.odd_stride(axis) : -points.odd_stride(axis));
+        if (!on_hull && bits.contains(beyond)) {  // a neighbour of the same size
+          if (up) star.across[2 * axis + up] = axis == 0 ? star.centre + 1 : bits.rank(beyond);
+          continue;
+        }
+        Coord<Dim> at = centre_of(leaf, 1);
+        if (on_hull) {
+          at[axis] += up ? 1 : -1;
+        } else {
+          for (int d = 0; d < Dim; ++d) at[d] = 4 * ((leaf.corner[d] + (d == axis ? 2 * up - 1 : 0)) >> 1) + 2;
+          star.split |= 1U << (2 * axis + up);
+        }
+        star.across[2 * axis + up] = points.id(at);
       }
-      if (!beside && around[direction] != kNoLeaf && side(around[direction]) < s) return true;
+  }
+}
+
+/// Any other leaf. A face has smaller neighbours where its centre is a vertex, an edge is halved where its middle is.
+template <int Dim>
+void find_vertices_of_coarse(const SimplexLattice<Dim>& lattice, const Leaf<Dim>& leaf, std::int32_t side,
+                             LeafStar<Dim>& star) {
+  const auto& points = lattice.points;
+  const Coord<Dim> centre = centre_of(leaf, side);
+  star.centre = points.id(centre);
+  for (int c = 0; c < LeafStar<Dim>::kCorners; ++c) star.corner[c] = points.id(corner_of(centre, side, c));
+  for (int a = 0; a < LeafStar<Dim>::kCorners; ++a)
+    for (int d = 0; d < Dim; ++d) {
+      const int b = a | 1 << d;
+      if (a == b) continue;
+      const Coord<Dim> middle = shifted(corner_of(centre, side, a), d, side);
+      const bool halved = points.contains(middle);
+      star.middle[edge_between<Dim>(a, b)] = halved ? points.id(middle) : LeafStar<Dim>::kNone;
+      star.hanging |= halved;
     }
-    return false;
-  };
-  constexpr int kEdges = Dim == 2 ? 1 : 4;
-  for (int k = 0; k < kEdges; ++k) {
+  if constexpr (Dim == 3) {
+    for (int axis = 0; axis < Dim; ++axis)
+      for (int up = 0; up < 2; ++up) {
+        VertexId& across = star.across[2 * axis + up];
+        const Coord<Dim> on_face = shifted(centre, axis, up ? side : -side);
+        if (on_face[axis] == 0 || on_face[axis] == lattice.extent[axis]) {
+          across = points.id(on_face);
+          continue;
+        }
+        if (points.contains(on_face)) continue;
+        const Coord<Dim> beyond = shifted(on_face, axis, up ? side : -side);
+        if (points.contains(beyond)) {
+          if (up) across = points.id(beyond);
+          continue;
+        }
+        Coord<Dim> larger{};
+        for (int d = 0; d < Dim; ++d) larger[d] = beyond[d] / (4 * side) * (4 * side) + 2 * side;
+        across = points.id(larger);
+        star.split |= 1U << (2 * axis + up);
+      }
+  }
+}
+
+/// The face's rim is joined to the two points on both sides of it: {below, a, b, above} for each of its segments.
+template <int Dim, class Emit>
+void for_rim(const LeafStar<Dim>& star, int axis, int up, Emit&& emit) {
+  const auto ring = face_ring<Dim>(axis, up);
+  constexpr int kSegments = Dim == 2 ? 1 : 4;
+  for (int k = 0; k < kSegments; ++k) {
     const int from = ring[k], to = ring[(k + 1) % ring.size()];
-    const VertexId a = corners_[leaf][from], b = corners_[leaf][to];
-    Owner hanging;
-    if (s > 1 && halved(from, to)) {
-      Coord<Dim> middle = corner_point(leaf, from);
-      const Coord<Dim> end = corner_point(leaf, to);
-      for (int d = 0; d < Dim; ++d) middle[d] = (middle[d] + end[d]) / 2;
-      hanging = owner_of(middle);
-    }
-    if (hanging.leaf == kNoLeaf) {
+    const VertexId a = star.corner[from], b = star.corner[to];
+    const VertexId m = star.hanging ? star.middle[edge_between<Dim>(from, to)] : LeafStar<Dim>::kNone;
+    if (m == LeafStar<Dim>::kNone) {
       emit(a, b);
     } else {
-      const VertexId m = corners_[hanging.leaf][hanging.corner];
       emit(a, m);
       emit(m, b);
     }
@@ -285,98 +151,145 @@ void Builder<Dim>::for_rim(LeafId leaf, int axis, int up, const Neighbours& arou
 
 /// The small face is split by the diagonal through the centre of the big one, and both triangles are joined to both
 /// centres: the other diagonal would give 35 to 125 degrees.
-template <int Dim>
 template <class Emit>
-void Builder<Dim>::face_between_levels(LeafId small, LeafId big, int axis, int up, Emit&& emit) const {
+void face_between_levels(const LeafStar<3>& star, int axis, int up, Emit&& emit) {
   const auto ring = face_ring<3>(axis, up);
   // The centre of the big face is that corner of the small one that is not on the big one's rim.
-  int through = up << axis;
-  for (int d = 0; d < Dim; ++d)
-    if (d != axis && tree_.leaves[small].corner[d] == tree_.leaves[big].corner[d]) through |= 1 << d;
+  const int through = (~static_cast<int>(star.up) & 7 & ~(1 << axis)) | up << axis;
   const int k = static_cast<int>(std::find(ring.begin(), ring.end(), through) - ring.begin());
-  const VertexId below = up ? centre_[small] : centre_[big], above = up ? centre_[big] : centre_[small];
+  const VertexId big = star.across[2 * axis + up], below = up ? star.centre : big, above = up ? big : star.centre;
   for (const int second : {1, 2}) {
-    const VertexId a = corners_[small][through], b = corners_[small][ring[(k + second) % 4]],
-                   c = corners_[small][ring[(k + second + 1) % 4]];
-    emit(Simplex{below, a, b, c});
-    emit(Simplex{above, a, c, b});
+    const VertexId a = star.corner[through], b = star.corner[ring[(k + second) % 4]],
+                   c = star.corner[ring[(k + second + 1) % 4]];
+    emit({below, a, b, c});
+    emit({above, a, c, b});
   }
 }
 
+}  // namespace
+
 template <int Dim>
-template <class Emit>
-void Builder<Dim>::simplices_of(LeafId leaf, Emit&& emit) const {
-  const VertexId centre = centre_[leaf];
-  Neighbours around{};
-  if (side(leaf) > 1) around = neighbours_of(leaf);  // leaves of the smallest side have no halved edges
-  if constexpr (Dim == 2) {
-    if (skipped(leaf)) return;
-    for (int face = 0; face < 4; ++face) {
-      const int axis = face / 2, up = face % 2;
-      for_rim(leaf, axis, up, around, [&](VertexId a, VertexId b) {
-        if ((axis == 0) == (up == 1))
-          emit(Simplex{centre, a, b});
-        else
-          emit(Simplex{centre, b, a});
+int LeafStar<Dim>::simplices(std::array<Simplex, kMostSimplices>& out) const {
+  int n = 0;
+  for (int face = 0; face < kFaces; ++face) {
+    const int axis = face / 2, upper = face % 2;
+    if constexpr (Dim == 2) {
+      for_rim(*this, axis, upper, [&](VertexId a, VertexId b) {
+        out[n++] = (axis == 0) == (upper == 1) ? Simplex{centre, a, b} : Simplex{centre, b, a};
       });
-    }
-  } else {
-    VertexId hull_centre = centre + 1 + static_cast<VertexId>(std::popcount(owned_[leaf]));
-    for (int face = 0; face < 6; ++face) {
-      const int axis = face / 2, up = face % 2;
-      Coord<Dim> beyond = tree_.leaves[leaf].corner;
-      beyond[axis] += up ? side(leaf) : -1;
-      const LeafId next = tree_.leaf_at(beyond);
-      if (next == kNoLeaf) {
-        const VertexId middle = hull_centre++;
-        if (skipped(leaf)) continue;
-        for_rim(leaf, axis, up, around, [&](VertexId a, VertexId b) {
-          if (up)
-            emit(Simplex{centre, a, b, middle});
-          else
-            emit(Simplex{centre, b, a, middle});
+    } else {
+      if (across[face] == kNone) continue;
+      if (split >> face & 1)
+        face_between_levels(*this, axis, upper, [&](const Simplex& s) { out[n++] = s; });
+      else
+        for_rim(*this, axis, upper, [&](VertexId a, VertexId b) {
+          out[n++] = upper ? Simplex{centre, a, b, across[face]} : Simplex{centre, b, a, across[face]};
         });
-      } else if (skipped(leaf) && skipped(next)) {
-        continue;
-      } else if (side(next) == side(leaf)) {
-        if (!up) continue;  // the lower one of the two leaves does it
-        for_rim(leaf, axis, up, around, [&](VertexId a, VertexId b) { emit(Simplex{centre, a, b, centre_[next]}); });
-      } else if (side(next) > side(leaf)) {  // else the small leaf does it
-        face_between_levels(leaf, next, axis, up, emit);
+    }
+  }
+  return n;
+}
+
+template <int Dim>
+LeafStar<Dim> SimplexLattice<Dim>::star(LeafId id) const {
+  const Leaf<Dim>& leaf = leaves[id];
+  const std::int32_t side = sides[leaf.level];
+  LeafStar<Dim> star;
+  star.across.fill(LeafStar<Dim>::kNone);
+  for (int d = 0; d < Dim; ++d) star.up |= (leaf.corner[d] & side ? 1U : 0U) << d;
+  if (side == 1)
+    find_vertices_of_finest(*this, leaf, star);
+  else
+    find_vertices_of_coarse(*this, leaf, side, star);
+  return star;
+}
+
+namespace {
+
+template <int Dim>
+void insert_points(SimplexLattice<Dim>& lattice, const Execution& execution) {
+  parallel_for(execution, static_cast<std::int64_t>(lattice.leaves.size()), kGrain, [&](std::int64_t i) {
+    const std::int32_t side = lattice.sides[lattice.leaves[i].level];
+    const Coord<Dim> centre = centre_of(lattice.leaves[i], side);
+    lattice.points.insert(centre);
+    for (int c = 0; c < 1 << Dim; ++c) lattice.points.insert(corner_of(centre, side, c));
+    if constexpr (Dim == 3) {
+      for (int d = 0; d < Dim; ++d) {
+        if (centre[d] == side) lattice.points.insert(shifted(centre, d, -side));
+        if (centre[d] + side == lattice.extent[d]) lattice.points.insert(shifted(centre, d, side));
       }
     }
-  }
+  });
 }
 
+/// Log2 of the side of the smallest leaf at each vertex: 0 beside the centre of a finest cell, else what the larger
+/// leaves there say.
 template <int Dim>
-void Builder<Dim>::emit_simplices() {
-  const std::int64_t n = leaf_count(), blocks = block_count(n, kBlock);
-  std::vector<std::int64_t> first(blocks);
-  const auto for_block = [&](std::int64_t block, auto&& emit) {
-    const std::int64_t end = std::min(n, (block + 1) * kBlock);
-    for (std::int64_t i = block * kBlock; i < end; ++i) simplices_of(static_cast<LeafId>(i), emit);
-  };
-  parallel_for(execution_, blocks, 1, [&](std::int64_t block) {
-    std::int64_t count = 0;
-    for_block(block, [&](const Simplex&) { ++count; });
-    first[block] = count;
+void find_spacing(SimplexLattice<Dim>& lattice, const Execution& execution) {
+  const auto n = static_cast<std::int64_t>(lattice.vertices.size());
+  lattice.spacing.resize(n);
+  parallel_for(execution, n, 4 * kGrain, [&](std::int64_t v) {
+    const Coord<Dim>& at = lattice.vertices[v];
+    bool finest = false, even = true;
+    for (int d = 0; d < Dim; ++d) even &= at[d] % 2 == 0;
+    for (int c = 0; c < 1 << Dim && even && !finest; ++c) {
+      const Coord<Dim> beside = corner_of(at, 1, c);
+      bool inside = true;
+      for (int d = 0; d < Dim; ++d) inside &= beside[d] >= 0 && beside[d] < lattice.extent[d];
+      finest = inside && lattice.points.contains(beside);
+    }
+    lattice.spacing[v] = finest || !even ? 0 : std::numeric_limits<std::uint8_t>::max();
   });
-  out_.simplices.resize(exclusive_scan<std::int64_t>(first));
-  parallel_for(execution_, blocks, 1, [&](std::int64_t block) {
-    std::int64_t next = first[block];
-    for_block(block, [&](const Simplex& simplex) { out_.simplices[next++] = simplex; });
+  parallel_for(execution, static_cast<std::int64_t>(lattice.leaves.size()), kGrain, [&](std::int64_t i) {
+    const std::int32_t side = lattice.sides[lattice.leaves[i].level];
+    if (side == 1) return;
+    const auto log2 = static_cast<std::uint8_t>(std::countr_zero(static_cast<std::uint32_t>(side)));
+    const auto lower = [&](const Coord<Dim>& at) {
+      const std::atomic_ref<std::uint8_t> spacing(lattice.spacing[lattice.points.id(at)]);
+      std::uint8_t now = spacing.load(std::memory_order_relaxed);
+      while (now > log2 && !spacing.compare_exchange_weak(now, log2, std::memory_order_relaxed)) {
+      }
+    };
+    const Coord<Dim> centre = centre_of(lattice.leaves[i], side);
+    lower(centre);
+    for (int c = 0; c < 1 << Dim; ++c) lower(corner_of(centre, side, c));
+    if constexpr (Dim == 3) {
+      for (int d = 0; d < Dim; ++d) {
+        if (centre[d] == side) lower(shifted(centre, d, -side));
+        if (centre[d] + side == lattice.extent[d]) lower(shifted(centre, d, side));
+      }
+    }
   });
 }
 
 }  // namespace
 
 template <int Dim>
-SimplexLattice<Dim> tessellate_body_centred(const Spacetree<Dim>& tree, const std::vector<std::uint8_t>& skip,
-                                            Execution& execution) {
-  return Builder<Dim>(tree, skip, execution).build();
+SimplexLattice<Dim> tessellate_body_centred(Spacetree<Dim> tree, Execution& execution) {
+  SimplexLattice<Dim> lattice;
+  for (int l = 0; l <= tree.pattern.finest_level(); ++l) lattice.sides.push_back(tree.pattern.cell_extent(l)[0]);
+  for (int d = 0; d < Dim; ++d) {
+    lattice.unit[d] = tree.lattice.unit[d] / 2;
+    lattice.extent[d] = tree.lattice.extent[d] * 2;
+  }
+  lattice.points = BodyCentredPoints<Dim>(tree.lattice.extent);
+  lattice.leaves = std::move(tree.leaves);
+  tree = {};
+  insert_points(lattice, execution);
+  const std::int64_t n = lattice.points.number(execution);
+  if (n >= static_cast<std::int64_t>(std::numeric_limits<VertexId>::max()))
+    throw Error(ErrorKind::limits, "--min-size: the lattice needs 2^32 vertices or more; choose larger cells");
+  lattice.vertices = lattice.points.coordinates(n, execution);
+  find_spacing(lattice, execution);
+  return lattice;
 }
 
-template SimplexLattice<2> tessellate_body_centred(const Spacetree<2>&, const std::vector<std::uint8_t>&, Execution&);
-template SimplexLattice<3> tessellate_body_centred(const Spacetree<3>&, const std::vector<std::uint8_t>&, Execution&);
+#define TREEMARCH_INSTANTIATE(DIM)     \
+  template struct LeafStar<DIM>;       \
+  template struct SimplexLattice<DIM>; \
+  template SimplexLattice<DIM> tessellate_body_centred(Spacetree<DIM>, Execution&);
+TREEMARCH_INSTANTIATE(2)
+TREEMARCH_INSTANTIATE(3)
+#undef TREEMARCH_INSTANTIATE
 
 }  // namespace treemarch

@@ -10,18 +10,55 @@
 #include "treemarch/core/execution.h"
 #include "treemarch/core/vec.h"
 #include "treemarch/mesh/mesh.h"
+#include "treemarch/tessellate/body_centred_points.h"
 #include "treemarch/tree/spacetree.h"
 
 namespace treemarch {
 
-/// A conforming simplicial mesh whose vertices have integer coordinates, in half sides of a finest cell.
+/// The vertices of the simplices that one leaf makes: those of its faces to upper neighbours of its size, to larger
+/// neighbours and (3D) to the outside; in 2D those inside it.
+template <int Dim>
+struct LeafStar {
+  static constexpr VertexId kNone = ~VertexId{0};
+  static constexpr int kCorners = 1 << Dim, kFaces = 2 * Dim, kEdges = Dim == 3 ? 12 : 4;
+  static constexpr int kMostSimplices = Dim == 3 ? 48 : 8;
+  using Simplex = std::array<VertexId, Dim + 1>;
+
+  VertexId centre;
+  std::array<VertexId, kCorners> corner;  ///< bit d of the index is set at the upper end along axis d
+  std::array<VertexId, kFaces> across;    ///< 2 axis + up: centre of the neighbour or of the hull's face, or kNone
+  std::array<VertexId, kEdges> middle;    ///< hanging vertex of an edge, or kNone; valid if `hanging`
+  unsigned split = 0;                     ///< faces to a larger neighbour, a bit each
+  unsigned up = 0;                        ///< bit d: the leaf lies at the upper end of its parent along axis d
+  bool hanging = false;
+
+  /// Whether `test` holds for all vertices.
+  template <class Test>
+  [[nodiscard]] bool all_of(Test&& test) const {
+    bool all = test(centre);
+    for (const VertexId v : corner) all &= test(v);
+    for (const VertexId v : across)
+      if (v != kNone) all &= test(v);
+    if (hanging)
+      for (const VertexId v : middle)
+        if (v != kNone) all &= test(v);
+    return all;
+  }
+  /// Lists the simplices and returns how many there are.
+  int simplices(std::array<Simplex, kMostSimplices>& out) const;
+};
+
+/// A conforming simplicial mesh whose vertices have integer coordinates, in half sides of a finest cell. Its simplices
+/// are not stored: each leaf gives its own.
 template <int Dim>
 struct SimplexLattice {
-  std::vector<Coord<Dim>> vertices;                      ///< integer coordinates: the identity of a vertex
-  std::vector<std::uint8_t> spacing;                     ///< log2 of the side of the smallest leaf at each vertex
-  std::vector<std::array<VertexId, Dim + 1>> simplices;  ///< positive
-  Vec<Dim> unit{};                                       ///< physical length of one coordinate step
-  Coord<Dim> extent{};                                   ///< coordinates of the upper corner of the box
+  std::vector<Coord<Dim>> vertices;   ///< integer coordinates: the identity of a vertex
+  std::vector<std::uint8_t> spacing;  ///< log2 of the side of the smallest leaf at each vertex
+  std::vector<Leaf<Dim>> leaves;      ///< as in the tree
+  std::vector<std::int32_t> sides;    ///< of the leaves of each level, in finest cells
+  BodyCentredPoints<Dim> points;      ///< numbers the vertices
+  Vec<Dim> unit{};                    ///< physical length of one coordinate step
+  Coord<Dim> extent{};                ///< coordinates of the upper corner of the box
 
   [[nodiscard]] Vec<Dim> point(VertexId v) const {
     Vec<Dim> x{};
@@ -35,17 +72,14 @@ struct SimplexLattice {
       if (vertices[v][d] == 0 || vertices[v][d] == extent[d]) axes |= 1U << d;
     return axes;
   }
+  [[nodiscard]] LeafStar<Dim> star(LeafId leaf) const;
 };
 
 /// Joins the corners and centres of the leaves of a 2:1 balanced tree, Dim 2 or 3. Angles for cubic leaves: in 3D
 /// dihedral angles of 60 to 90 degrees where the tree is uniform, 45 to 120 everywhere; in 2D angles of 45 to 90.
-/// \param skip one a leaf, or empty: leaves that are not needed. A simplex is left out when every leaf that it lies in
-/// is
-///   skipped; vertices are kept.
 /// \pre every factor of the tree's pattern is 2; is_balanced(tree, 1).
 /// \throw Error(limits) if there are 2^32 vertices or more.
 template <int Dim>
-SimplexLattice<Dim> tessellate_body_centred(const Spacetree<Dim>& tree, const std::vector<std::uint8_t>& skip,
-                                            Execution& execution);
+SimplexLattice<Dim> tessellate_body_centred(Spacetree<Dim> tree, Execution& execution);
 
 }  // namespace treemarch

@@ -1,5 +1,6 @@
 #include "treemarch/tessellate/lattice_points.h"
 
+#include <bit>
 #include <limits>
 
 #include "treemarch/core/error.h"
@@ -14,40 +15,20 @@ constexpr std::int64_t kWordsPerBlock = 4096;
 
 template <int Dim>
 std::int64_t LatticePoints<Dim>::number(const Execution& execution) {
-  const auto n = static_cast<std::int64_t>(words_.size());
-  std::vector<std::int64_t> first(static_cast<std::size_t>(block_count(n, kWordsPerBlock)));
-  const auto blocks = static_cast<std::int64_t>(first.size());
-  const auto for_words = [&](std::int64_t block, auto&& work) {
-    for (std::int64_t w = block * kWordsPerBlock; w < std::min(n, (block + 1) * kWordsPerBlock); ++w) work(w);
-  };
-  parallel_for(execution, blocks, 1, [&](std::int64_t b) {
-    std::int64_t count = 0;
-    for_words(b, [&](std::int64_t w) { count += std::popcount(words_[w]); });
-    first[b] = count;
-  });
-  const std::int64_t total = exclusive_scan(std::span(first));
-  if (total > std::numeric_limits<VertexId>::max())
-    throw Error(ErrorKind::limits, "--min-size: the mesh would have " + std::to_string(total) +
+  size_ = points_.number(execution);
+  if (size_ > std::numeric_limits<VertexId>::max())
+    throw Error(ErrorKind::limits, "--min-size: the mesh would have " + std::to_string(size_) +
                                        " vertices, more than 4294967295; choose a larger size");
-  first_.resize(words_.size());
-  parallel_for(execution, blocks, 1, [&](std::int64_t b) {
-    std::int64_t next = first[b];
-    for_words(b, [&](std::int64_t w) {
-      first_[w] = static_cast<VertexId>(next);
-      next += std::popcount(words_[w]);
-    });
-  });
-  return total;
+  return size_;
 }
 
 template <int Dim>
 std::vector<Vec<Dim>> LatticePoints<Dim>::positions(const Lattice<Dim>& lattice, const Execution& execution) const {
-  const auto n = static_cast<std::int64_t>(words_.size());
-  const std::int64_t total = n == 0 ? 0 : first_.back() + std::int64_t{std::popcount(words_.back())};
-  std::vector<Vec<Dim>> points(static_cast<std::size_t>(total));
+  const auto n = static_cast<std::int64_t>(points_.words().size());
+  std::vector<Vec<Dim>> points(static_cast<std::size_t>(size_));
   parallel_for(execution, n, kWordsPerBlock, [&](std::int64_t w) {
-    std::size_t id = first_[w];
-    for (std::uint64_t rest = words_[w]; rest != 0; rest &= rest - 1) {
+    std::size_t id = points_.first_of_word(w);
+    for (std::uint64_t rest = points_.words()[w]; rest != 0; rest &= rest - 1) {
       std::int64_t key = w * 64 + std::countr_zero(rest);
       Vec<Dim> x{};
       for (int d = Dim; d-- > 0;) {
