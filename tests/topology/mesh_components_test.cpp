@@ -74,5 +74,17 @@ TEST(MeshComponents, OfRealMeshesAgreeWithAFloodFill) {
   }
 }
 
+TEST(MeshComponents, DoNotDependOnTheNumbersOfVertices) {
+  for (const auto& image : {testing::noise_image<3>({9, 8, 7}, 3, 4), testing::ball_image<3>({12, 12, 12}, 0.4)}) {
+    Mesh<3> mesh = testing::voxel_mesh(image);
+    const auto expected = MeshComponents<3>(mesh, Execution(2)).count();
+    const auto last = static_cast<VertexId>(mesh.points.size() - 1);
+    std::ranges::reverse(mesh.points);
+    for (CellBlock& block : mesh.blocks)
+      for (VertexId& v : block.vertices) v = last - v;
+    EXPECT_EQ(MeshComponents<3>(mesh, Execution(2)).count(), expected);
+  }
+}
+
 }  // namespace
 }  // namespace treemarch

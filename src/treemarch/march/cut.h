@@ -19,13 +19,11 @@ struct CutOptions {
   /// No stencil is left with a quality (mesh/simplex_quality.h) below this, in degrees. At most the bound of the
   /// undisplaced stencils: 18.43 on trees with cubic cells, 30 where the tree is uniform.
   double quality_floor = 18;
-  /// Cells of this material are left out, and the vertices that only they have; kOutside for none.
-  MaterialId left_out = kOutside;
 };
 
 struct CutReport {
   std::int64_t lattice_vertices = 0;
-  std::int64_t lattice_simplices = 0;  ///< without those deep inside the material that is left out
+  std::int64_t lattice_simplices = 0;
   std::int64_t band_simplices = 0;     ///< of these, near interfaces
   std::int64_t far_cells = 0;  ///< the first so many cells of the mesh are simplices of the lattice as they were
   std::int64_t cut_edges = 0, triple_points = 0, inner_points = 0;

@@ -91,9 +91,11 @@ void MeshComponents<Dim>::join_all(const Execution& execution) {
     const VertexId* v = mesh_.blocks[b].cell(c);
     const auto part = part_of(b, c);
     if (is_cell(part)) return;
-    std::atomic_ref(material_of_vertex_[part]).store(material(b, c), std::memory_order_relaxed);
-    for (int i = 0; i < vertex_count(mesh_.blocks[b].type); ++i)
-      if (border_[v[i]] == 0) sets_.join(part, v[i]);
+    for (int i = 0; i < vertex_count(mesh_.blocks[b].type); ++i) {
+      if (border_[v[i]] != 0) continue;
+      std::atomic_ref(material_of_vertex_[v[i]]).store(material(b, c), std::memory_order_relaxed);
+      sets_.join(part, v[i]);
+    }
   });
   visit_facets(
       mesh_, execution,
@@ -108,7 +110,6 @@ void MeshComponents<Dim>::join_all(const Execution& execution) {
 template <int Dim>
 std::vector<std::int64_t> MeshComponents<Dim>::count() const {
   std::vector<std::int64_t> count(mesh_.labels.size());
-  // A root is the smallest member of its component, and the first inner vertex of the cells around it.
   for (std::size_t v = 0; v < border_.size(); ++v)
     if (material_of_vertex_[v] != kUnused && sets_.is_root(static_cast<VertexId>(v))) ++count[material_of_vertex_[v]];
   for (std::size_t b = 0; b < mesh_.blocks.size(); ++b) {
