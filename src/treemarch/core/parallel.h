@@ -54,7 +54,7 @@ void parallel_sort(const Execution& execution, std::vector<T>& values, Less less
 /// Replaces counts by the sums of those before them and returns the total.
 template <class T>
 T exclusive_scan(std::span<T> counts) {
-  T sum = 0;
+  T sum{};
   for (T& c : counts) {
     const T n = c;
     c = sum;

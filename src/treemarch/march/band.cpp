@@ -8,63 +8,65 @@
 namespace treemarch {
 
 template <int Dim>
-Band<Dim>::Band(const SimplexLattice<Dim>& lattice, const VertexLabels& labels, MaterialId left_out,
-                Execution& execution)
-    : lattice_(lattice), left_out_(left_out), ends_(static_cast<std::int64_t>(lattice.vertices.size())) {
-  find_ends(labels, execution);
-  sort_out(labels, execution);
-}
-
-template <int Dim>
-void Band<Dim>::find_ends(const VertexLabels& labels, Execution& execution) {
-  parallel_for_ranges(execution, static_cast<std::int64_t>(lattice_.leaves.size()), kBlock,
-                      [&](std::int64_t begin, std::int64_t end) {
-                        Listed listed;
-                        for (std::int64_t leaf = begin; leaf < end; ++leaf) {
-                          const LeafStar<Dim> star = lattice_.star(static_cast<LeafId>(leaf));
-                          if (star.all_of([&](VertexId v) { return labels.same_single(v, star.centre); })) continue;
-                          const int count = star.simplices(listed);
-                          for (const Simplex& simplex : std::span(listed).first(count))
-                            for (int i = 0; i < Dim; ++i)
-                              for (int j = i + 1; j <= Dim; ++j) {
-                                if (!labels.disjoint(simplex[i], simplex[j])) continue;
-                                ends_.insert(simplex[i]);
-                                ends_.insert(simplex[j]);
-                              }
-                        }
-                      });
-  end_count_ = ends_.number(execution);
-}
-
-template <int Dim>
-void Band<Dim>::sort_out(const VertexLabels& labels, Execution& execution) {
-  first_far_.resize(block_count(static_cast<std::int64_t>(lattice_.leaves.size()), kBlock));
+Band<Dim>::Band(const SimplexLattice<Dim>& lattice, const VertexLabels& labels, Execution& execution)
+    : lattice_(lattice),
+      labels_(labels),
+      first_far_(block_count(static_cast<std::int64_t>(lattice.leaves.size()), kBlock)) {
   const auto blocks = static_cast<std::int64_t>(first_far_.size());
-  std::vector<std::vector<Simplex>> part(blocks);
-  std::vector<std::int64_t> first(blocks), total(blocks);
+  std::vector<Part> parts(blocks);
   parallel_for_ranges(execution, blocks, 1, [&](std::int64_t begin, std::int64_t end) {
-    std::vector<Simplex> found;
+    Part found;
     for (std::int64_t b = begin; b < end; ++b) {
-      found.clear();
+      found.simplices.clear();
+      found.cuts.clear();
+      found.triangles.clear();
       std::int64_t far = 0;
-      total[b] = sort_block(
-          labels, b, [&](const Simplex& simplex) { found.push_back(simplex); },
-          [&](const Simplex&, MaterialId) { ++far; });
-      part[b].assign(found.begin(), found.end());
-      first[b] = static_cast<std::int64_t>(found.size());
+      sort_block(
+          b, [&](const Simplex& simplex) { find_cuts(simplex, found); }, [&](const Simplex&, MaterialId) { ++far; });
+      parts[b] = found;
       first_far_[b] = far;
     }
   });
-  for (const std::int64_t t : total) lattice_count_ += t;
-  const std::int64_t count = exclusive_scan(std::span(first));
   far_count_ = exclusive_scan(std::span(first_far_));
+  join(parts, execution);
+}
+
+template <int Dim>
+void Band<Dim>::find_cuts(const Simplex& simplex, Part& part) const {
+  using T = StencilTopology<Dim>;
+  unsigned cuts = 0;
+  for (int e = 0; e < T::kEdges; ++e)
+    cuts |= (labels_.disjoint(simplex[T::kEdge[e][0]], simplex[T::kEdge[e][1]]) ? 1U : 0U) << e;
+  part.simplices.push_back(simplex);
+  part.cuts.push_back(static_cast<std::uint8_t>(cuts));
+  for (int f = 0; f < T::kFaces && cuts != 0; ++f) {
+    const auto& e = T::kFaceEdge[f];
+    if ((cuts >> e[0] & cuts >> e[1] & cuts >> e[2] & 1) == 0) continue;
+    Triangle t{simplex[T::kFace[f][0]], simplex[T::kFace[f][1]], simplex[T::kFace[f][2]]};
+    std::sort(t.begin(), t.end());
+    part.triangles.push_back(t);
+  }
+}
+
+template <int Dim>
+void Band<Dim>::join(std::vector<Part>& parts, Execution& execution) {
+  std::vector<std::int64_t> first;
+  for (const Part& part : parts) {
+    first.push_back(static_cast<std::int64_t>(part.simplices.size()));
+    triangles_.insert(triangles_.end(), part.triangles.begin(), part.triangles.end());
+  }
+  const std::int64_t count = exclusive_scan(std::span(first));
   if (count >= static_cast<std::int64_t>(std::numeric_limits<std::uint32_t>::max()))
     throw Error(ErrorKind::limits, "--min-size: 2^32 or more lattice simplices near interfaces; choose larger cells");
   simplices_.resize(count);
-  parallel_for(execution, blocks, 1, [&](std::int64_t b) {
-    std::copy(part[b].begin(), part[b].end(), simplices_.begin() + first[b]);
-    std::vector<Simplex>().swap(part[b]);
+  cuts_.resize(count);
+  parallel_for(execution, static_cast<std::int64_t>(parts.size()), 1, [&](std::int64_t b) {
+    std::copy(parts[b].simplices.begin(), parts[b].simplices.end(), simplices_.begin() + first[b]);
+    std::copy(parts[b].cuts.begin(), parts[b].cuts.end(), cuts_.begin() + first[b]);
+    parts[b] = {};
   });
+  parallel_sort(execution, triangles_);
+  triangles_.erase(std::unique(triangles_.begin(), triangles_.end()), triangles_.end());
 }
 
 template class Band<2>;

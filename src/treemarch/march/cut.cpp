@@ -11,20 +11,20 @@ template <int Dim>
 Mesh<Dim> cut_lattice(const SimplexLattice<Dim>& lattice, const Field<Dim>& field,
                       const std::vector<std::int32_t>& image_labels, const CutOptions& options, CutReport& report,
                       Execution& execution) {
-  VertexLabels labels = classify_vertices(lattice, field, execution);
-  const Band<Dim> band(lattice, labels, options.left_out, execution);
-  const SnappedLattice<Dim> snapped = snap_vertices(lattice, band, std::move(labels), field, options.snap, execution);
-  execution.progress(0.5);
-  CutGeometry<Dim> geometry(lattice, band, snapped, execution);
+  const SnappedLattice<Dim> snapped =
+      snap_vertices(lattice, classify_vertices(lattice, field, execution), field, options.snap, execution);
+  execution.progress(0.4);
+  const Band<Dim> band(lattice, snapped.labels, execution);
+  CutGeometry<Dim> geometry(lattice, band, snapped);
   geometry.retreat(options.quality_floor, execution);
   execution.progress(0.8);
   Mesh<Dim> mesh;
   mesh.labels = image_labels;
-  const EmitReport emitted = emit_pieces(lattice, band, snapped, geometry, field, options.left_out, mesh, execution);
+  const EmitReport emitted = emit_pieces(lattice, band, snapped, geometry, field, mesh, execution);
   report.lattice_vertices = static_cast<std::int64_t>(lattice.vertices.size());
-  report.lattice_simplices = band.lattice_count();
   report.band_simplices = static_cast<std::int64_t>(band.simplices().size());
   report.far_cells = band.far_count();
+  report.lattice_simplices = report.band_simplices + report.far_cells;
   report.cut_edges = emitted.cut_edges;
   report.triple_points = emitted.triple_points;
   report.inner_points = emitted.inner_points;

@@ -9,8 +9,8 @@
 
 #include "treemarch/core/execution.h"
 #include "treemarch/core/ranked_bits.h"
-#include "treemarch/march/band.h"
 #include "treemarch/march/label_sets.h"
+#include "treemarch/tessellate/body_centred.h"
 
 namespace treemarch {
 
@@ -28,9 +28,10 @@ struct EdgeTable {
   std::vector<EndId> upper;          ///< of each edge, ascending within a lower end
   std::vector<EdgeId> first_upward;  ///< the same for upper ends, into upward
   std::vector<EdgeId> upward;        ///< edges by their upper end
-  std::vector<std::uint32_t> mixed;  ///< simplices of the band with an edge of the table, ascending
   /// Whether an end lies in a simplex with one label only: then the label does not depend on this vertex alone.
   std::vector<std::uint8_t> supported;
+  /// Vertices of the simplices with an end of one label that is not supported, Dim + 1 each.
+  std::vector<VertexId> thin;
 
   [[nodiscard]] std::size_t size() const { return upper.size(); }
   [[nodiscard]] EndId end_of(VertexId v) const { return ends.rank(v); }
@@ -54,6 +55,6 @@ struct EdgeTable {
 
 /// \throw Error(limits) if there are 2^32 edges or more.
 template <int Dim>
-EdgeTable separated_edges(const Band<Dim>& band, const VertexLabels& labels, Execution& execution);
+EdgeTable separated_edges(const SimplexLattice<Dim>& lattice, const VertexLabels& labels, Execution& execution);
 
 }  // namespace treemarch

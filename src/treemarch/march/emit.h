@@ -18,11 +18,10 @@ struct EmitReport {
 
 /// Points and cells of the mesh: first the simplices far from interfaces, then the pieces of the band, both in the
 /// order of the leaves. A piece takes the label that all its lattice vertices share; else the heaviest label at its
-/// centroid. \param left_out material whose cells are left out with the vertices that only they have, or kOutside. \pre
-/// geometry.retreat() was called. \throw Error(limits) if there are 2^32 points or more.
+/// centroid. \pre geometry.retreat() was called. \throw Error(limits) if there are 2^32 points or more.
 template <int Dim>
 EmitReport emit_pieces(const SimplexLattice<Dim>& lattice, const Band<Dim>& band, const SnappedLattice<Dim>& snapped,
-                       const CutGeometry<Dim>& geometry, const Field<Dim>& field, MaterialId left_out, Mesh<Dim>& mesh,
+                       const CutGeometry<Dim>& geometry, const Field<Dim>& field, Mesh<Dim>& mesh,
                        Execution& execution);
 
 }  // namespace treemarch

@@ -21,23 +21,13 @@ constexpr std::uint8_t kRise = 0x80;
 
 template <int Dim>
 CutGeometry<Dim>::CutGeometry(const SimplexLattice<Dim>& lattice, const Band<Dim>& band,
-                              const SnappedLattice<Dim>& snapped, Execution& execution)
+                              const SnappedLattice<Dim>& snapped)
     : lattice_(lattice),
       band_(band),
       snapped_(snapped),
       vertex_level_(lattice.vertices.size(), 0),
-      cut_level_(snapped.edges.size(), 0) {
-  find_triples(execution);
-  triple_level_.assign(triples_.size(), 0);
-}
-
-template <int Dim>
-unsigned CutGeometry<Dim>::cuts_of(const Simplex& simplex) const {
-  unsigned cuts = 0;
-  for (int e = 0; e < T::kEdges; ++e)
-    cuts |= (snapped_.labels.disjoint(simplex[T::kEdge[e][0]], simplex[T::kEdge[e][1]]) ? 1U : 0U) << e;
-  return cuts;
-}
+      cut_level_(snapped.edges.size(), 0),
+      triple_level_(band.triangles().size(), 0) {}
 
 template <int Dim>
 Vec<Dim> CutGeometry<Dim>::vertex_point(VertexId v) const {
@@ -58,7 +48,7 @@ Vec<Dim> CutGeometry<Dim>::cut_point(EdgeId e) const {
 /// The mean of the three cuts of a triangle, kept away from its sides.
 template <int Dim>
 Vec<Dim> CutGeometry<Dim>::triple_point(std::int64_t i) const {
-  const Triangle& v = triples_[i];
+  const Triangle& v = band_.triangles()[i];
   std::array<double, 3> weight{};
   for (int k = 0; k < 3; ++k) {
     const int a = k == 2 ? 0 : k, b = k == 2 ? 2 : k + 1;  // 01, 12, 02
@@ -75,37 +65,16 @@ Vec<Dim> CutGeometry<Dim>::triple_point(std::int64_t i) const {
 }
 
 template <int Dim>
-void CutGeometry<Dim>::find_triples(Execution& execution) {
-  const auto& mixed = snapped_.edges.mixed;
-  const auto n = static_cast<std::int64_t>(mixed.size());
-  std::vector<std::vector<Triangle>> found(block_count(n, kBlock));
-  parallel_for(execution, static_cast<std::int64_t>(found.size()), 1, [&](std::int64_t block) {
-    for (std::int64_t i = block * kBlock; i < std::min(n, (block + 1) * kBlock); ++i) {
-      const Simplex& simplex = band_.simplices()[mixed[i]];
-      const unsigned cuts = cuts_of(simplex);
-      for (int f = 0; f < T::kFaces; ++f) {
-        const auto& e = T::kFaceEdge[f];
-        if ((cuts >> e[0] & cuts >> e[1] & cuts >> e[2] & 1) == 0) continue;
-        Triangle t{simplex[T::kFace[f][0]], simplex[T::kFace[f][1]], simplex[T::kFace[f][2]]};
-        std::sort(t.begin(), t.end());
-        found[block].push_back(t);
-      }
-    }
-  });
-  for (const auto& block : found) triples_.insert(triples_.end(), block.begin(), block.end());
-  parallel_sort(execution, triples_);
-  triples_.erase(std::unique(triples_.begin(), triples_.end()), triples_.end());
-}
-
-template <int Dim>
 std::int64_t CutGeometry<Dim>::find_triple(Triangle triangle) const {
   std::sort(triangle.begin(), triangle.end());
-  return std::lower_bound(triples_.begin(), triples_.end(), triangle) - triples_.begin();
+  const auto& all = band_.triangles();
+  return std::lower_bound(all.begin(), all.end(), triangle) - all.begin();
 }
 
 template <int Dim>
-void CutGeometry<Dim>::find_cuts(const Simplex& simplex, Local& local) const {
-  local.cuts = cuts_of(simplex);
+void CutGeometry<Dim>::find_cuts(std::int64_t i, Local& local) const {
+  const Simplex& simplex = band_.simplices()[i];
+  local.cuts = band_.cuts()[i];
   for (int e = 0; e < T::kEdges; ++e)
     if (local.cuts >> e & 1) local.edge[e] = snapped_.edges.find(simplex[T::kEdge[e][0]], simplex[T::kEdge[e][1]]);
   for (int f = 0; f < T::kFaces; ++f) {
@@ -165,10 +134,10 @@ StencilChoice CutGeometry<Dim>::choose(const Local& local, unsigned pattern, boo
 
 template <int Dim>
 template <class F>
-void CutGeometry<Dim>::for_levels(const Simplex& simplex, F&& f) {
+void CutGeometry<Dim>::for_levels(std::int64_t i, F&& f) {
   Local local;
-  find_cuts(simplex, local);
-  for (const VertexId v : simplex) f(vertex_level_[v]);
+  find_cuts(i, local);
+  for (const VertexId v : band_.simplices()[i]) f(vertex_level_[v]);
   for (int e = 0; e < T::kEdges; ++e)
     if (local.cuts >> e & 1) f(cut_level_[local.edge[e]]);
   for (int t = 0; t < T::kFaces; ++t)
@@ -178,13 +147,13 @@ void CutGeometry<Dim>::for_levels(const Simplex& simplex, F&& f) {
 template <int Dim>
 bool CutGeometry<Dim>::settle(std::int64_t i, bool inner) {
   const Simplex& simplex = band_.simplices()[i];
-  if (cuts_of(simplex) == 0) {
+  if (band_.cuts()[i] == 0) {
     std::array<Vec<Dim>, Dim + 1> p;
     for (int k = 0; k <= Dim; ++k) p[k] = vertex_point(simplex[k]);
     return meets(p, sure_) || meets(angle_range<Dim>(p), floor_);
   }
   Local local;
-  find_cuts(simplex, local);
+  find_cuts(i, local);
   place(simplex, local);
   const unsigned pattern = pattern_of(simplex, local);
   const StencilChoice best = choose(local, pattern, inner);
@@ -212,7 +181,7 @@ void CutGeometry<Dim>::retreat(double quality_floor, Execution& execution) {
       const auto settle_or_mark = [&](std::int64_t i) {
         if (settle(i, rounds >= kWithoutInner)) return;
         failed.store(true, std::memory_order_relaxed);
-        for_levels(band_.simplices()[i], [](std::uint8_t& level) {
+        for_levels(i, [](std::uint8_t& level) {
           std::atomic_ref<std::uint8_t>(level).fetch_or(kRise, std::memory_order_relaxed);
         });
       };

@@ -40,18 +40,17 @@ class CutGeometry {
     std::array<Vec<Dim>, T::kPoints> point;  ///< once placed
   };
 
-  CutGeometry(const SimplexLattice<Dim>& lattice, const Band<Dim>& band, const SnappedLattice<Dim>& snapped,
-              Execution& execution);
+  CutGeometry(const SimplexLattice<Dim>& lattice, const Band<Dim>& band, const SnappedLattice<Dim>& snapped);
 
-  /// Finds the cuts and the triple points of a simplex.
-  void find_cuts(const Simplex& simplex, Local& local) const;
+  /// Finds the cuts and the triple points of a simplex of the band.
+  void find_cuts(std::int64_t simplex, Local& local) const;
   /// Finds where all its points are. \pre find_cuts(), unless nothing is cut.
   void place(const Simplex& simplex, Local& local) const;
 
   [[nodiscard]] Vec<Dim> vertex_point(VertexId v) const;
   [[nodiscard]] Vec<Dim> cut_point(EdgeId e) const;
   [[nodiscard]] Vec<Dim> triple_point(std::int64_t i) const;
-  [[nodiscard]] std::int64_t triple_count() const { return static_cast<std::int64_t>(triples_.size()); }
+  [[nodiscard]] std::int64_t triple_count() const { return static_cast<std::int64_t>(band_.triangles().size()); }
 
   /// Retreats until every stencil meets the floor. Levels only rise and the last level passes, so it ends.
   void retreat(double quality_floor, Execution& execution);
@@ -62,9 +61,7 @@ class CutGeometry {
   int rounds = 0;
 
  private:
-  using Triangle = std::array<VertexId, 3>;  // ascending
-  void find_triples(Execution& execution);
-  [[nodiscard]] unsigned cuts_of(const Simplex& simplex) const;
+  using Triangle = typename Band<Dim>::Triangle;
   /// See stencil_pattern().
   [[nodiscard]] unsigned pattern_of(const Simplex& simplex, const Local& local) const;
   /// The best way to split a simplex; the inner point is taken only where nothing else meets the floor.
@@ -74,12 +71,11 @@ class CutGeometry {
   [[nodiscard]] std::int64_t find_triple(Triangle triangle) const;
   /// Calls f(level) for each point of a stencil that can retreat.
   template <class F>
-  void for_levels(const Simplex& simplex, F&& f);
+  void for_levels(std::int64_t simplex, F&& f);
 
   const SimplexLattice<Dim>& lattice_;
   const Band<Dim>& band_;
   const SnappedLattice<Dim>& snapped_;
-  std::vector<Triangle> triples_;  // ascending
   std::vector<std::uint8_t> vertex_level_, cut_level_, triple_level_;
   std::vector<SplitRecord> split_;
   QualityBound floor_{0}, enough_{30};

@@ -17,10 +17,9 @@ constexpr std::int64_t kGrain = 2048;
 template <int Dim>
 class Snapper {
  public:
-  Snapper(const SimplexLattice<Dim>& lattice, const Band<Dim>& band, const Field<Dim>& field,
-          const SnapOptions& options, Execution& execution, SnappedLattice<Dim>& state)
+  Snapper(const SimplexLattice<Dim>& lattice, const Field<Dim>& field, const SnapOptions& options, Execution& execution,
+          SnappedLattice<Dim>& state)
       : lattice_(lattice),
-        band_(band),
         field_(field),
         options_(options),
         execution_(execution),
@@ -78,7 +77,6 @@ class Snapper {
   }
 
   const SimplexLattice<Dim>& lattice_;
-  const Band<Dim>& band_;
   const Field<Dim>& field_;
   const SnapOptions& options_;
   Execution& execution_;
@@ -136,8 +134,9 @@ double Snapper<Dim>::locate_cut(VertexId u, VertexId v) const {
 template <int Dim>
 void Snapper<Dim>::find_support() {
   constexpr std::uint64_t kStays = ~std::uint64_t{0};
-  parallel_for(execution_, static_cast<std::int64_t>(state_.edges.mixed.size()), kGrain, [&](std::int64_t i) {
-    const auto& simplex = band_.simplices()[state_.edges.mixed[i]];
+  const auto& thin = state_.edges.thin;
+  parallel_for(execution_, static_cast<std::int64_t>(thin.size()) / (Dim + 1), kGrain, [&](std::int64_t i) {
+    const VertexId* simplex = thin.data() + i * (Dim + 1);
     std::array<std::uint64_t, Dim + 1> depth{};
     std::array<EndId, Dim + 1> end{};
     for (int k = 0; k <= Dim; ++k) {
@@ -236,23 +235,23 @@ bool Snapper<Dim>::propose(EndId end, Move& move) const {
 }  // namespace
 
 template <int Dim>
-SnappedLattice<Dim> snap_vertices(const SimplexLattice<Dim>& lattice, const Band<Dim>& band, VertexLabels labels,
-                                  const Field<Dim>& field, const SnapOptions& options, Execution& execution) {
+SnappedLattice<Dim> snap_vertices(const SimplexLattice<Dim>& lattice, VertexLabels labels, const Field<Dim>& field,
+                                  const SnapOptions& options, Execution& execution) {
   SnappedLattice<Dim> state;
   state.labels = std::move(labels);
-  state.edges = separated_edges(band, state.labels, execution);
+  state.edges = separated_edges(lattice, state.labels, execution);
   state.points.resize(state.labels.set_count());
   parallel_for(execution, static_cast<std::int64_t>(lattice.vertices.size()), 4 * kGrain, [&](std::int64_t i) {
     const auto v = static_cast<VertexId>(i);
     if (!state.labels.single(v)) state.points[state.labels.set_number(v)] = lattice.point(v);
   });
-  Snapper<Dim>(lattice, band, field, options, execution, state).run();
+  Snapper<Dim>(lattice, field, options, execution, state).run();
   return state;
 }
 
-template SnappedLattice<2> snap_vertices(const SimplexLattice<2>&, const Band<2>&, VertexLabels, const Field<2>&,
-                                         const SnapOptions&, Execution&);
-template SnappedLattice<3> snap_vertices(const SimplexLattice<3>&, const Band<3>&, VertexLabels, const Field<3>&,
-                                         const SnapOptions&, Execution&);
+template SnappedLattice<2> snap_vertices(const SimplexLattice<2>&, VertexLabels, const Field<2>&, const SnapOptions&,
+                                         Execution&);
+template SnappedLattice<3> snap_vertices(const SimplexLattice<3>&, VertexLabels, const Field<3>&, const SnapOptions&,
+                                         Execution&);
 
 }  // namespace treemarch

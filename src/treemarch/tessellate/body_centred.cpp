@@ -26,16 +26,6 @@ constexpr std::array<int, 1 << (Dim - 1)> face_ring(int axis, int up) {
   }
 }
 
-/// Number of the edge between two corners: along axis d, 4 d (2D: 2 d) and a bit for each other axis, in their order.
-template <int Dim>
-constexpr int edge_between(int a, int b) {
-  const int axis = std::countr_zero(static_cast<unsigned>(a ^ b));
-  int place = 0;
-  for (int d = 0, bit = 0; d < Dim; ++d)
-    if (d != axis) place |= (a >> d & 1) << bit++;
-  return axis * (1 << (Dim - 1)) + place;
-}
-
 template <int Dim>
 Coord<Dim> centre_of(const Leaf<Dim>& leaf, std::int32_t side) {
   Coord<Dim> centre{};
@@ -71,6 +61,7 @@ void find_vertices_of_finest(const SimplexLattice<Dim>& lattice, const Leaf<Dim>
     star.corner[c + 1] = star.corner[c] + 1;
   }
   if constexpr (Dim == 3) {
+    star.plain = true;
     for (int axis = 0; axis < Dim; ++axis)
       for (int up = 0; up < 2; ++up) {
         const bool on_hull = up ? leaf.corner[axis] + 1 == points.cells()[axis] : leaf.corner[axis] == 0;
@@ -79,6 +70,7 @@ void find_vertices_of_finest(const SimplexLattice<Dim>& lattice, const Leaf<Dim>
           if (up) star.across[2 * axis + up] = axis == 0 ? star.centre + 1 : bits.rank(beyond);
           continue;
         }
+        star.plain = false;
         Coord<Dim> at = centre_of(leaf, 1);
         if (on_hull) {
           at[axis] += up ? 1 : -1;
@@ -105,7 +97,7 @@ void find_vertices_of_coarse(const SimplexLattice<Dim>& lattice, const Leaf<Dim>
       if (a == b) continue;
       const Coord<Dim> middle = shifted(corner_of(centre, side, a), d, side);
       const bool halved = points.contains(middle);
-      star.middle[edge_between<Dim>(a, b)] = halved ? points.id(middle) : LeafStar<Dim>::kNone;
+      star.middle[LeafStar<Dim>::edge_between(a, b)] = halved ? points.id(middle) : LeafStar<Dim>::kNone;
       star.hanging |= halved;
     }
   if constexpr (Dim == 3) {
@@ -139,7 +131,7 @@ void for_rim(const LeafStar<Dim>& star, int axis, int up, Emit&& emit) {
   for (int k = 0; k < kSegments; ++k) {
     const int from = ring[k], to = ring[(k + 1) % ring.size()];
     const VertexId a = star.corner[from], b = star.corner[to];
-    const VertexId m = star.hanging ? star.middle[edge_between<Dim>(from, to)] : LeafStar<Dim>::kNone;
+    const VertexId m = star.hanging ? star.middle[LeafStar<Dim>::edge_between(from, to)] : LeafStar<Dim>::kNone;
     if (m == LeafStar<Dim>::kNone) {
       emit(a, b);
     } else {

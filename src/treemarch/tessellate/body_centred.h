@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cstdint>
 #include <vector>
 
@@ -29,23 +30,61 @@ struct LeafStar {
   std::array<VertexId, kFaces> across;    ///< 2 axis + up: centre of the neighbour or of the hull's face, or kNone
   std::array<VertexId, kEdges> middle;    ///< hanging vertex of an edge, or kNone; valid if `hanging`
   unsigned split = 0;                     ///< faces to a larger neighbour, a bit each
+  bool plain = false;                     ///< a finest leaf, neither on the hull nor beside a larger one
   unsigned up = 0;                        ///< bit d: the leaf lies at the upper end of its parent along axis d
   bool hanging = false;
 
+  /// Number of the edge between two corners: along axis d, 4 d (2D: 2 d) and a bit for each other axis, in their order.
+  static constexpr int edge_between(int a, int b) {
+    const int axis = std::countr_zero(static_cast<unsigned>(a ^ b));
+    int place = 0;
+    for (int d = 0, bit = 0; d < Dim; ++d)
+      if (d != axis) place |= (a >> d & 1) << bit++;
+    return axis * (1 << (Dim - 1)) + place;
+  }
+  template <class Visit>
+  void for_vertices(Visit&& visit) const {
+    visit(centre);
+    for (const VertexId v : corner) visit(v);
+    for (const VertexId v : across)
+      if (v != kNone) visit(v);
+    if (hanging)
+      for (const VertexId v : middle)
+        if (v != kNone) visit(v);
+  }
   /// Whether `test` holds for all vertices.
   template <class Test>
   [[nodiscard]] bool all_of(Test&& test) const {
-    bool all = test(centre);
-    for (const VertexId v : corner) all &= test(v);
-    for (const VertexId v : across)
-      if (v != kNone) all &= test(v);
-    if (hanging)
-      for (const VertexId v : middle)
-        if (v != kNone) all &= test(v);
+    bool all = true;
+    for_vertices([&](VertexId v) { all &= test(v); });
     return all;
   }
   /// Lists the simplices and returns how many there are.
   int simplices(std::array<Simplex, kMostSimplices>& out) const;
+  /// Calls visit(u, v) for edges of the lattice around the leaf. Over all leaves every edge is met, most of them once.
+  template <class Visit>
+  void for_edges(Visit&& visit) const {
+    for (const VertexId v : corner) visit(centre, v);
+    if (plain) {
+      for (const VertexId v : across)
+        if (v != kNone) visit(centre, v);
+      for (int d = 0; d < Dim; ++d) visit(corner[0], corner[1 << d]);
+      return;
+    }
+    for (int a = 0; a < kCorners; ++a)
+      for (int d = 0; d < Dim; ++d) {
+        const int b = a | 1 << d;
+        if (a == b) continue;
+        const VertexId m = hanging ? middle[edge_between(a, b)] : kNone;
+        visit(corner[a], m == kNone ? corner[b] : m);
+        if (m != kNone) visit(m, corner[b]);
+      }
+    std::array<Simplex, kMostSimplices> listed;
+    const int count = simplices(listed);
+    for (int s = 0; s < count; ++s)
+      for (int i = 0; i < Dim; ++i)
+        for (int j = i + 1; j <= Dim; ++j) visit(listed[s][i], listed[s][j]);
+  }
 };
 
 /// A conforming simplicial mesh whose vertices have integer coordinates, in half sides of a finest cell. Its simplices
