@@ -20,7 +20,7 @@ struct InfoOptions {
 };
 
 template <int Dim>
-nlohmann::ordered_json describe(const std::string& path, const LabelImage<Dim>& image) {
+nlohmann::ordered_json describe(const std::string& path, const LabelImage<Dim>& image, const Execution& execution) {
   std::vector<std::int64_t> voxels(image.labels.size()), components(image.labels.size());
   for (const ImageComponent& c : image_components(image)) {
     voxels[c.material] += c.voxels;
@@ -28,7 +28,7 @@ nlohmann::ordered_json describe(const std::string& path, const LabelImage<Dim>& 
   }
   double voxel_volume = 1;
   for (const double s : image.frame.spacing) voxel_volume *= s;
-  const MeshEstimate estimate = estimate_mesh(image);
+  const MeshEstimate estimate = estimate_mesh(image, {}, execution);
 
   nlohmann::ordered_json json;
   json["image"] = path;
@@ -85,7 +85,7 @@ void run(const InfoOptions& options) {
   Execution execution(options.threads);
   Terminal terminal(execution, false);
   with_image(options.image, options.reading, execution, [&](auto image) {
-    const auto info = describe(options.image, image);
+    const auto info = describe(options.image, image, execution);
     if (options.json)
       std::printf("%s\n", info.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace).c_str());
     else

@@ -17,7 +17,9 @@
 #include "treemarch/mesh/write_mesh.h"
 #include "treemarch/pipeline/mesh_image.h"
 #include "treemarch/pipeline/prepare.h"
+#include "treemarch/report/estimate.h"
 #include "treemarch/report/report.h"
+#include "treemarch/sizing/default_sizes.h"
 
 namespace treemarch::app {
 namespace {
@@ -30,6 +32,7 @@ struct MeshCommandOptions {
   OutputSpace space = OutputSpace::file;
   bool compress = true, force = false, json = false, quiet = false, strict = false;
   int threads = 0;
+  std::string max_memory;
 };
 
 /// Refuses places that cannot be written before any work is done.
@@ -68,6 +71,20 @@ std::optional<GreyInput<Dim>> load_grey(const MeshCommandOptions& options, Execu
   auto* grey = std::get_if<GreyImage<Dim>>(&any);
   if (!grey) throw Error(ErrorKind::input, path + ": has another dimension than " + options.image);
   return GreyInput<Dim>{crop_image(std::move(*grey), options.prepare.roi), *options.reading.threshold};
+}
+
+/// Refuses what will not fit. Meshes of the default size are small: they count where a limit or a large image asks.
+template <int Dim>
+void require_memory(const MeshCommandOptions& options, const LabelImage<Dim>& image, SizingRule sizes,
+                    Execution& execution) {
+  constexpr std::int64_t kLargeImage = 100'000'000;  // voxels
+  if (sizes.min_size == 0) {
+    if (options.max_memory.empty() && product(image.extent) < kLargeImage) return;
+    sizes.min_size = default_sizes(image, sizes.max_size, execution).min_size;
+  }
+  const std::int64_t most =
+      options.max_memory.empty() ? available_memory_bytes() : parse_bytes(options.max_memory, "--max-memory");
+  require_memory(estimate_mesh(image, sizes, execution), most);
 }
 
 template <int Dim>
@@ -132,6 +149,7 @@ void run(const MeshCommandOptions& options, const std::vector<std::pair<std::str
     prepare.background = options.mesh.plain.background;
     const LabelImage<Dim> image = prepare_image(std::move(read), prepare, execution);
     const MeshOptions mesh_options = resolve(options.mesh, image);
+    require_memory(options, image, mesh_options.sizes, execution);
     const std::optional<GreyInput<Dim>> grey = load_grey<Dim>(options, execution);
     const MeshResult<Dim> result = mesh_image(image, mesh_options, execution, grey ? &*grey : nullptr);
     if (result.mesh.cell_count() == 0)
@@ -180,6 +198,8 @@ void add_output_options(CLI::App& mesh, MeshCommandOptions& o) {
   mesh.add_flag("--json", o.json, "Print the report as JSON");
   mesh.add_flag("--quiet", o.quiet, "Print nothing but errors");
   add_threads_option(mesh, o.threads);
+  mesh.add_option("--max-memory", o.max_memory,
+                  "Refuse what is estimated to need more, as 12GB; default: what the machine has left");
 }
 
 void add_selection_options(CLI::App& mesh, PrepareOptions& o) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "support/images.h"
+#include "treemarch/core/error.h"
 
 namespace treemarch {
 namespace {
@@ -30,19 +31,55 @@ TEST(Estimate, MeasuresTheInterfaces) {
   solid.spacing = {0.5, 0.7, 3};
   for (unsigned seed = 0; seed < 5; ++seed) {
     const auto image2 = testing::noise_image<2>({9, 14}, 2, seed, flat);
-    EXPECT_NEAR(estimate_mesh(image2).interface_area, area_by_pairs(image2), 1e-9);
+    EXPECT_NEAR(estimate_mesh(image2, {}, Execution(2)).interface_area, area_by_pairs(image2), 1e-9);
     const auto image3 = testing::noise_image<3>({9, 4, 7}, 2, seed, solid);
-    EXPECT_NEAR(estimate_mesh(image3).interface_area, area_by_pairs(image3), 1e-9);
+    EXPECT_NEAR(estimate_mesh(image3, {}, Execution(3)).interface_area, area_by_pairs(image3), 1e-9);
   }
-  EXPECT_EQ(estimate_mesh(testing::noise_image<3>({9, 4, 7}, 1, 0)).interface_area, 0);
+  EXPECT_EQ(estimate_mesh(testing::noise_image<3>({9, 4, 7}, 1, 0), {}, Execution(1)).interface_area, 0);
 }
 
 TEST(Estimate, GrowsWithTheInterface) {
-  const auto small = estimate_mesh(testing::ball_image<3>({40, 40, 40}, 0.2));
-  const auto large = estimate_mesh(testing::ball_image<3>({40, 40, 40}, 0.4));
+  const auto small = estimate_mesh(testing::ball_image<3>({40, 40, 40}, 0.2), {}, Execution(2));
+  const auto large = estimate_mesh(testing::ball_image<3>({40, 40, 40}, 0.4), {}, Execution(2));
   EXPECT_GT(small.cells, 0);
   EXPECT_GT(large.cells, 3 * small.cells);
   EXPECT_GT(large.memory_bytes, small.memory_bytes);
+}
+
+TEST(Estimate, GrowsWithFinerCells) {
+  const auto image = testing::ball_image<3>({40, 40, 40}, 0.4);
+  SizingRule fine, coarse, uniform;
+  fine.min_size = 1;
+  coarse.min_size = 4;
+  uniform.min_size = uniform.max_size = 1;
+  const Execution execution(2);
+  EXPECT_GT(estimate_mesh(image, fine, execution).cells, 10 * estimate_mesh(image, coarse, execution).cells);
+  EXPECT_GT(estimate_mesh(image, uniform, execution).cells, 12 * product(image.extent));
+}
+
+TEST(Estimate, AmountsOfMemoryHaveUnits) {
+  EXPECT_EQ(parse_bytes("12GB", "--x"), 12'000'000'000);
+  EXPECT_EQ(parse_bytes("1.5G", "--x"), 1'500'000'000);
+  EXPECT_EQ(parse_bytes("2GiB", "--x"), std::int64_t{1} << 31);
+  EXPECT_EQ(parse_bytes("900MB", "--x"), 900'000'000);
+  EXPECT_EQ(parse_bytes("4096", "--x"), 4096);
+  for (const char* bad : {"", "GB", "-1GB", "0", "1TBB", "1 GB", "nan", "1e30"})
+    EXPECT_THROW(parse_bytes(bad, "--x"), Error);
+}
+
+TEST(Estimate, WhatDoesNotFitIsRefusedWithTheNumbers) {
+  MeshEstimate estimate;
+  estimate.cells = 20'000'000;
+  estimate.memory_bytes = 3'000'000'000;
+  EXPECT_NO_THROW(require_memory(estimate, 3'000'000'000));
+  try {
+    require_memory(estimate, 2'000'000'000);
+    FAIL();
+  } catch (const Error& e) {
+    EXPECT_EQ(e.kind(), ErrorKind::limits);
+    EXPECT_NE(std::string(e.what()).find("20.0 million cells need about 3.0 GB, and 2.0 GB"), std::string::npos);
+  }
+  EXPECT_GT(available_memory_bytes(), 0);
 }
 
 }  // namespace

@@ -107,13 +107,14 @@ class Improver {
 
 template <int Dim>
 Scan Improver<Dim>::scan_cells(MaterialsAround& around) const {
-  const std::int64_t cells = mesh_.blocks[0].size();
+  const std::int64_t first = options_.first_cell, cells = mesh_.blocks[0].size();
   // A little more than the margin, so that rounding does not matter.
   const SquaredQualityBound list(QualityBound(options_.quality + 2 * kMargin));
-  std::vector<std::vector<CellId>> part(static_cast<std::size_t>(block_count(cells, kBlock)));
+  std::vector<std::vector<CellId>> part(static_cast<std::size_t>(block_count(cells - first, kBlock)));
   parallel_for(execution_, static_cast<std::int64_t>(part.size()), 1, [&](std::int64_t b) {
-    const VertexId* v = mesh_.blocks[0].cell(b * kBlock);
-    for (std::int64_t c = b * kBlock; c < std::min(cells, (b + 1) * kBlock); ++c, v += Dim + 1) {
+    const std::int64_t begin = first + b * kBlock;
+    const VertexId* v = mesh_.blocks[0].cell(begin);
+    for (std::int64_t c = begin; c < std::min(cells, begin + kBlock); ++c, v += Dim + 1) {
       std::array<Vec<Dim>, Dim + 1> p;
       for (int k = 0; k <= Dim; ++k) p[k] = mesh_.points[v[k]];
       if (!meets(p, list)) part[b].push_back(static_cast<CellId>(c));

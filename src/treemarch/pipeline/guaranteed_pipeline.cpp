@@ -25,7 +25,8 @@ namespace treemarch {
 namespace {
 
 constexpr double kFloorWithinStretch = 18;  // proved for every lattice up to kMostStretch
-constexpr int kPadding = 3;                 // voxels around the image for a closed border
+constexpr double kFarQuality = 40;  // of uncut simplices of such lattices, at least; 45 to 120 degrees without stretch
+constexpr int kPadding = 3;         // voxels around the image for a closed border
 
 /// The sizes of the options, completed by the defaults.
 template <int Dim>
@@ -140,11 +141,17 @@ Mesh<Dim> mesh_with_guarantee(const LabelImage<Dim>& given, const GreyInput<Dim>
   repair.min_component = options.min_component;
   if (drop) repair.left_out = background;
   report.repair = repair_topology(mesh, image, repair, execution);
-  if (drop) drop_material(mesh, background, execution);
+  std::int64_t far_cells = report.cut.far_cells;
+  if (drop) {
+    const auto materials = mesh.blocks[0].materials.begin();
+    far_cells -= std::count(materials, materials + far_cells, background);
+    drop_material(mesh, background, execution);
+  }
 
   stage.emplace(execution, "improve");
   ImproveOptions how;
   how.quality = options.quality;
+  if (how.quality <= kFarQuality && stretch(sized.lattice) <= kMostStretch) how.first_cell = far_cells;
   report.improve = improve(mesh, field, image.size(), how, execution);
 
   if (is_coarse(rule, *std::ranges::min_element(image.frame.spacing))) {

@@ -2,12 +2,21 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <limits>
+#include <string>
+
+#include "treemarch/core/error.h"
+#include "treemarch/core/parallel.h"
 
 namespace treemarch {
 namespace {
 
 // Fitted to runs over six images of 0.07 to 7 million voxels, of which none is off by more than a third.
+constexpr double kCellsPerLeaf[] = {0, 0, 4, 12};
 constexpr double kCellsPerArea[] = {0, 0, 20, 38};  // of interfaces, in units of the smallest cell
 constexpr double kBytesPerCell = 65;
 constexpr double kBytesPerVoxel = 12;
@@ -15,35 +24,109 @@ constexpr double kBytesAlways = 50e6;
 
 }  // namespace
 
+namespace {
+
+/// Faces between different voxels, by the axis they are normal to.
 template <int Dim>
-MeshEstimate estimate_mesh(const LabelImage<Dim>& image) {
-  std::array<std::int64_t, Dim> stride{}, faces{};
-  std::int64_t n = 1;
-  double voxel = 1;
-  for (int d = 0; d < Dim; ++d) {
-    stride[d] = n;
-    n *= image.extent[d];
-    voxel *= image.frame.spacing[d];
-  }
-  image.voxels.visit([&](const auto* v) {
-    Coord<Dim> c{};
-    for (std::int64_t i = 0; i < n; ++i) {
-      for (int d = 0; d < Dim; ++d) faces[d] += c[d] > 0 && v[i] != v[i - stride[d]];
-      for (int d = 0; d < Dim && ++c[d] == image.extent[d]; ++d) c[d] = 0;
-    }
+using Faces = std::array<std::int64_t, Dim>;
+
+template <int Dim>
+Faces<Dim> count_faces(const LabelImage<Dim>& image, const Execution& execution) {
+  std::array<std::int64_t, Dim> stride{};
+  for (std::int64_t d = 0, n = 1; d < Dim; n *= image.extent[d++]) stride[d] = n;
+  const std::int64_t row = image.extent[0], rows = product(image.extent) / row;
+  const std::int64_t block = std::max<std::int64_t>(1, (1 << 16) / row);
+  return image.voxels.visit([&](const auto* v) {
+    const auto count = [&](std::int64_t begin, std::int64_t end) {
+      Faces<Dim> faces{};
+      for (std::int64_t r = begin; r < end; ++r) {
+        const Coord<Dim> c = coord_of(r * row, image.extent);
+        const auto* line = v + r * row;
+        for (std::int64_t i = 1; i < row; ++i) faces[0] += line[i] != line[i - 1];
+        for (int d = 1; d < Dim; ++d)
+          for (std::int64_t i = 0; i < row && c[d] > 0; ++i) faces[d] += line[i] != line[i - stride[d]];
+      }
+      return faces;
+    };
+    return parallel_reduce(execution, rows, block, Faces<Dim>{}, count, [](Faces<Dim> a, const Faces<Dim>& b) {
+      for (int d = 0; d < Dim; ++d) a[d] += b[d];
+      return a;
+    });
   });
+}
+
+std::int64_t limit_in(const char* path, std::string_view key) {
+  std::ifstream file(path);
+  for (std::string line; std::getline(file, line);)
+    if (line.starts_with(key)) {
+      const char* number = line.c_str() + key.size();
+      return std::strtoll(number, nullptr, 10);
+    }
+  return 0;
+}
+
+}  // namespace
+
+template <int Dim>
+MeshEstimate estimate_mesh(const LabelImage<Dim>& image, const SizingRule& sizes, const Execution& execution) {
+  double voxel = 1, volume = 1;
+  for (int d = 0; d < Dim; ++d) {
+    voxel *= image.frame.spacing[d];
+    volume *= image.size()[d];
+  }
   MeshEstimate estimate;
+  const Faces<Dim> faces = count_faces(image, execution);
   for (int d = 0; d < Dim; ++d)
     estimate.interface_area += static_cast<double>(faces[d]) * voxel / image.frame.spacing[d];
-  const double smallest = *std::ranges::min_element(image.frame.spacing);
-  const double cells = kCellsPerArea[Dim] * estimate.interface_area / std::pow(smallest, Dim - 1);
-  estimate.cells = static_cast<std::int64_t>(cells);
-  estimate.memory_bytes =
-      static_cast<std::int64_t>(kBytesAlways + kBytesPerCell * cells + kBytesPerVoxel * static_cast<double>(n));
+  const double smallest = sizes.min_size > 0 ? sizes.min_size : *std::ranges::min_element(image.frame.spacing);
+  const double largest = sizes.max_size > 0 ? sizes.max_size : kDefaultCoarsening * smallest;
+  const double cells = kCellsPerArea[Dim] * estimate.interface_area / std::pow(smallest, Dim - 1) +
+                       kCellsPerLeaf[Dim] * volume / std::pow(largest, Dim);
+  estimate.cells = static_cast<std::int64_t>(std::min(cells, 1e18));
+  estimate.memory_bytes = static_cast<std::int64_t>(std::min(
+      kBytesAlways + kBytesPerCell * cells + kBytesPerVoxel * static_cast<double>(product(image.extent)), 1e18));
   return estimate;
 }
 
-template MeshEstimate estimate_mesh(const LabelImage<2>&);
-template MeshEstimate estimate_mesh(const LabelImage<3>&);
+std::int64_t available_memory_bytes() {
+  std::int64_t least = std::numeric_limits<std::int64_t>::max();
+  if (const std::int64_t kilobytes = limit_in("/proc/meminfo", "MemAvailable:"); kilobytes > 0)
+    least = kilobytes * 1024;
+  if (const std::int64_t group = limit_in("/sys/fs/cgroup/memory.max", ""); group > 0) least = std::min(least, group);
+  return least;
+}
+
+std::int64_t parse_bytes(std::string_view text, std::string_view option) {
+  const struct {
+    std::string_view suffix;
+    double bytes;
+  } units[] = {{"GiB", 0x1p30}, {"MiB", 0x1p20}, {"GB", 1e9}, {"MB", 1e6}, {"G", 1e9}, {"M", 1e6}, {"", 1}};
+  for (const auto& unit : units) {
+    if (!text.ends_with(unit.suffix)) continue;
+    const std::string_view number = text.substr(0, text.size() - unit.suffix.size());
+    double value = 0;
+    const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), value);
+    if (error == std::errc{} && end == number.data() + number.size() && value > 0 && value * unit.bytes < 1e18)
+      return static_cast<std::int64_t>(value * unit.bytes);
+    break;
+  }
+  throw Error(ErrorKind::usage,
+              std::string(option) + ": '" + std::string(text) + "' is no amount of memory; write 12GB, 900MB or 8GiB");
+}
+
+void require_memory(const MeshEstimate& estimate, std::int64_t most) {
+  if (estimate.memory_bytes <= most) return;
+  char text[256];
+  std::snprintf(
+      text, sizeof text,
+      "--max-memory: about %.1f million cells need about %.1f GB, and %.1f GB may be used; choose larger cells "
+      "(--min-size), a part of the image (--roi), or a higher limit",
+      static_cast<double>(estimate.cells) / 1e6, static_cast<double>(estimate.memory_bytes) / 1e9,
+      static_cast<double>(most) / 1e9);
+  throw Error(ErrorKind::limits, text);
+}
+
+template MeshEstimate estimate_mesh(const LabelImage<2>&, const SizingRule&, const Execution&);
+template MeshEstimate estimate_mesh(const LabelImage<3>&, const SizingRule&, const Execution&);
 
 }  // namespace treemarch
