@@ -113,8 +113,8 @@ class BruteForce {
     const int dim = dimension_of(box);
     if (dim == 1) return 1;
     if (const auto known = divided_.find(box); known != divided_.end()) return known->second;
-    std::int64_t n = dim == 2 ? 2 : 5;
-    if (dim > 3 || !regular(box)) {
+    std::int64_t n = dim == 2 ? 2 : dim == 3 ? 5 : 16;
+    if (!regular(box)) {
       Point centre{};
       for (int d = 0; d < Dim; ++d) centre[d] = box[d].first + box[d].second;
       vertices_.insert(centre);
@@ -238,6 +238,13 @@ TEST(MidpointTessellation, UniformCubesTakeTheTemplate) {
   EXPECT_EQ(mesh_of(tree, 1).cell_count(), 5 * 2);
   EXPECT_EQ(mesh_of(tree, 1).points.size(), 3 * 2 * 2);
   EXPECT_EQ(mesh_of(tree, 1, false).cell_count(), 12 * 2);
+}
+
+TEST(MidpointTessellation, UniformCellsOfFourDimensionsTakeTheTemplate) {
+  const auto tree = coloured_tree_of<4>({{"2", "2"}, 1, {8, 4, 4, 4}, 1, 0});
+  EXPECT_EQ(mesh_of(tree, 1).cell_count(), 16 * 2);
+  EXPECT_EQ(mesh_of(tree, 1).points.size(), 3 * 2 * 2 * 2);
+  EXPECT_EQ(mesh_of(tree, 1, false).cell_count(), 8 * 5 * 2);
 }
 
 }  // namespace

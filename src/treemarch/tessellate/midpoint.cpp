@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cstdint>
 #include <utility>
 #include <vector>
@@ -163,14 +164,16 @@ class Divider {
       visit_(simplex_);
     } else {
       // The facets of a leaf must be divided in the same way whatever `templates` says about the leaf itself.
-      const bool regular = K < 4 && (K < Dim || templates_) && complex_.is_regular(face);
-      if constexpr (K == 2) {
-        if constexpr (Dim == 3)
-          if (regular && stays_whole(face)) return pyramid(face);
-        if (regular) return rectangle(face);
-      }
-      if constexpr (K == 3) {
-        if (unsigned odd = 0; regular && fits_template(face, odd)) return cuboid(face, odd);
+      if ((K < Dim || templates_) && complex_.is_regular(face)) {
+        if constexpr (K == 2) {
+          if constexpr (Dim == 3)
+            if (stays_whole(face)) return pyramid(face);
+          return rectangle(face);
+        }
+        if (unsigned odd = 0; fits_template<K>(face, odd)) {
+          if constexpr (K == 3) return cuboid(face, odd);
+          if constexpr (K == 4) return tesseract(face, odd);
+        }
       }
       midpoint_rule<K>(face);
     }
@@ -254,21 +257,28 @@ class Divider {
     visit_(simplex_);
   }
 
-  /// Whether the diagonals of the six faces form a tetrahedron, and if so whether of the odd corners.
+  /// Whether the diagonals of all rectangles of a face join corners of one parity, and if so which.
+  template <int K>
   bool fits_template(const Face<Dim>& face, unsigned& odd) const {
-    bool first = true;
-    for (int d = 0; d < Dim; ++d) {
-      if ((face.axes >> d & 1U) == 0) continue;
-      Face<Dim> facet{face.corner, face.axes & ~(1U << d), face.level};
-      for (const unsigned far : {0U, 1U}) {
-        if (far != 0) facet.corner[d] += complex_.extent(face.level)[d];
-        const unsigned p = complex_.parity(facet) ^ far;
-        if (first) odd = p;
-        first = false;
-        if (p != odd) return false;
+    if constexpr (K == 2) {
+      odd = complex_.parity(face);
+      return true;
+    } else {
+      bool first = true;
+      for (int d = 0; d < Dim; ++d) {
+        if ((face.axes >> d & 1U) == 0) continue;
+        Face<Dim> facet{face.corner, face.axes & ~(1U << d), face.level};
+        for (const unsigned far : {0U, 1U}) {
+          if (far != 0) facet.corner[d] += complex_.extent(face.level)[d];
+          unsigned p = 0;
+          if (!fits_template<K - 1>(facet, p)) return false;
+          if (first) odd = p ^ far;
+          first = false;
+          if ((p ^ far) != odd) return false;
+        }
       }
+      return true;
     }
-    return true;
   }
 
   void cuboid(const Face<Dim>& face, unsigned odd) {
@@ -284,6 +294,28 @@ class Divider {
       corner(i, face, inner[i] ^ face.axes);
       visit_(simplex_);
       corner(i, face, inner[i]);
+    }
+  }
+
+  /// Cuts off the eight corners of the other parity. What is left is a cross-polytope, whose facets are the inner
+  /// tetrahedra of the eight cuboids and the bases of the corners; it falls into the eight simplices around one of its
+  /// diagonals.
+  void tesseract(const Face<Dim>& face, unsigned odd) {
+    const AxisMask o = odd != 0 ? 1U : 0U;
+    for (AxisMask even = 0; even < 16; ++even) {
+      if (std::popcount(even) % 2 != 0) continue;
+      const AxisMask off = even ^ o ^ 1U;
+      corner(0, face, off);
+      for (int d = 0; d < 4; ++d) corner(d + 1, face, off ^ 1U << d);
+      visit_(simplex_);
+    }
+    // The corners of the cross-polytope come in pairs of opposite ones: o and o^15, and three more.
+    constexpr std::array<AxisMask, 3> kPairs{0b0011, 0b0101, 0b1001};
+    corner(0, face, o);
+    corner(1, face, o ^ 0b1111U);
+    for (AxisMask side = 0; side < 8; ++side) {
+      for (int i = 0; i < 3; ++i) corner(i + 2, face, o ^ kPairs[i] ^ ((side >> i & 1U) != 0 ? 0b1111U : 0U));
+      visit_(simplex_);
     }
   }
 
