@@ -7,8 +7,7 @@
 #include "image_options.h"
 #include "options.h"
 #include "terminal.h"
-#include "treemarch/core/parallel.h"
-#include "treemarch/mesh/cell_topology.h"
+#include "treemarch/mesh/move_to_inner.h"
 #include "treemarch/mesh/output_frame.h"
 #include "treemarch/mesh/quality.h"
 #include "treemarch/mesh/read_mesh.h"
@@ -28,38 +27,12 @@ struct CheckOptions {
   int threads = 0;
 };
 
-/// Moves a mesh from the coordinates of its file to the inner frame of an image.
-template <int Dim>
-void to_inner(Mesh<Dim>& mesh, const Frame<Dim>& image_frame, OutputSpace space, const Execution& execution) {
-  const Frame<Dim> frame = output_frame(image_frame, space);
-  const double det = determinant<Dim>(frame.direction);
-  parallel_for(execution, std::ssize(mesh.points), 1 << 14, [&](std::int64_t i) {
-    Vec<Dim>& x = mesh.points[static_cast<std::size_t>(i)];
-    const Vec<Dim> offset = x - frame.origin;
-    for (int c = 0; c < Dim; ++c) {  // Cramer's rule
-      auto replaced = frame.direction;
-      replaced[c] = offset;
-      x[c] = determinant<Dim>(replaced) / det + 0.5 * frame.spacing[c];
-    }
-  });
-  if (!is_left_handed(frame)) return;
-  for (CellBlock& block : mesh.blocks) {
-    const auto& order = mirrored_order(block.type);
-    const auto n = static_cast<std::size_t>(vertex_count(block.type));
-    for (std::size_t c = 0; c < block.materials.size(); ++c) {
-      std::array<VertexId, 8> v{};
-      std::copy_n(block.vertices.begin() + static_cast<std::ptrdiff_t>(c * n), n, v.begin());
-      for (std::size_t k = 0; k < n; ++k) block.vertices[c * n + k] = v[order[k]];
-    }
-  }
-}
-
 template <int Dim>
 Fidelity compare(Mesh<Dim>& mesh, const CheckOptions& options, Execution& execution) {
   std::optional<Fidelity> fidelity;
-  with_image(options.image, options.reading, execution, [&]<int ImageDim>(const LabelImage<ImageDim>& image) {
+  with_moving_image(options.image, options.reading, execution, [&]<int ImageDim>(const LabelImage<ImageDim>& image) {
     if constexpr (ImageDim == Dim) {
-      to_inner(mesh, image.frame, options.space, execution);
+      move_to_inner(mesh, output_frame(image.frame, options.space), execution);
       fidelity = measure_fidelity(image, mesh, options.background, execution, options.min_component);
     }
   });
@@ -83,7 +56,9 @@ void run(const CheckOptions& options) {
         report.defects = validate(mesh, execution);
         if (report.defects->bad_cells > 0 || report.defects->unknown_materials > 0)
           throw Error(ErrorKind::input, options.mesh + ": " + report.defects->describe());
-        report.quality = measure_quality(mesh, Frame<Dim>{}, kWorstCells, execution);
+        // Shapes in space and time depend on the unit of time: `mesh` measures them, where it is known what a step
+        // counts.
+        if (Dim < 4) report.quality = measure_quality(mesh, Frame<Dim>{}, kWorstCells, execution);
         report.fidelity = options.image.empty() ? measure_labels(mesh, execution) : compare(mesh, options, execution);
       },
       any);
@@ -100,9 +75,10 @@ void run(const CheckOptions& options) {
 void add_check_command(CLI::App& app, Command& command) {
   const auto options = std::make_shared<CheckOptions>();
   CLI::App* check = app.add_subcommand("check", "Whether a mesh is sound, how good it is, and how true to its image");
-  check->add_option("MESH", options->mesh, "Mesh file: .vtu, .msh or .mesh")->required();
+  check->add_option("MESH", options->mesh, "Mesh file: .vtu, .msh, .mesh or .xdmf")->required();
   check->add_option("--image", options->image, "The label image that the mesh was made from");
   add_image_options(*check, options->reading);
+  add_space_time_options(*check, options->reading);
   add_space_option(*check, options->space);
   check->add_option("--background-label", options->background, "The label that may be missing from the mesh")
       ->capture_default_str();

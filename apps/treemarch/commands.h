@@ -13,5 +13,6 @@ using Command = std::function<void()>;
 void add_mesh_command(CLI::App& app, Command& command);
 void add_info_command(CLI::App& app, Command& command);
 void add_check_command(CLI::App& app, Command& command);
+void add_slice_command(CLI::App& app, Command& command);
 
 }  // namespace treemarch::app

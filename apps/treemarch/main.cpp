@@ -53,6 +53,7 @@ int main(int argc, char** argv) {
   treemarch::app::add_mesh_command(app, command);
   treemarch::app::add_info_command(app, command);
   treemarch::app::add_check_command(app, command);
+  treemarch::app::add_slice_command(app, command);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

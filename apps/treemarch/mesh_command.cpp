@@ -54,6 +54,19 @@ void check_outputs(const MeshCommandOptions& options) {
   if (twice != names.end()) throw Error(ErrorKind::usage, *twice + ": is to hold two things; give two names");
 }
 
+/// What can be had of a mesh of four dimensions.
+void check_space_time(const MeshCommandOptions& options) {
+  const auto refuse = [](const std::string& option) {
+    throw Error(ErrorKind::usage, option + ": cannot be had in four dimensions; see treemarch slice");
+  };
+  if (!options.output.ends_with(".xdmf"))
+    throw Error(ErrorKind::usage,
+                options.output + ": a mesh of four dimensions is written as .xdmf; choose that extension");
+  if (!options.interfaces.empty()) refuse("--interfaces");
+  if (!options.picture.empty()) refuse("--picture");
+  if (!options.grey.empty()) refuse("--grey");
+}
+
 /// The grey image that places the end of the foreground: the one beside the labels, or that of which labels were made.
 template <int Dim>
 std::optional<GreyInput<Dim>> load_grey(const MeshCommandOptions& options, Execution& execution) {
@@ -100,7 +113,8 @@ Report make_report(const MeshCommandOptions& options, const std::vector<std::pai
   report.guarantee = result.guarantee;
   {
     const Execution::Stage stage(execution, "measure");
-    report.quality = measure_quality(result.mesh, image.frame, kWorstCells, execution);
+    // The unit of time says nothing about shapes: in four dimensions they are those of the inner frame.
+    report.quality = measure_quality(result.mesh, Dim < 4 ? image.frame : Frame<Dim>{}, kWorstCells, execution);
     report.fidelity = measure_fidelity(image, result.mesh, options.mesh.plain.background, execution,
                                        options.mesh.plain.min_component);
   }
@@ -113,15 +127,17 @@ void write_all(const MeshCommandOptions& options, const LabelImage<Dim>& image, 
   const WriteOptions write{options.force, options.compress, options.space};
   const Execution::Stage stage(execution, "write");
   write_mesh(options.output, mesh, image.frame, write, execution);
-  if (!options.interfaces.empty()) {
-    const auto facets = extract_interfaces(mesh, Hull::include, execution);
-    write_interfaces(options.interfaces, mesh, facets, image.frame, write, execution);
-  }
-  if (!options.picture.empty()) {
-    PictureOptions picture;
-    picture.overwrite = options.force;
-    picture.background = options.mesh.plain.background;
-    write_picture(options.picture, mesh, image.frame, picture, execution);
+  if constexpr (Dim < 4) {
+    if (!options.interfaces.empty()) {
+      const auto facets = extract_interfaces(mesh, Hull::include, execution);
+      write_interfaces(options.interfaces, mesh, facets, image.frame, write, execution);
+    }
+    if (!options.picture.empty()) {
+      PictureOptions picture;
+      picture.overwrite = options.force;
+      picture.background = options.mesh.plain.background;
+      write_picture(options.picture, mesh, image.frame, picture, execution);
+    }
   }
 }
 
@@ -144,13 +160,17 @@ void run(const MeshCommandOptions& options, const std::vector<std::pair<std::str
   Terminal terminal(execution, options.quiet);
   ImageOptions reading = options.reading;
   if (!options.grey.empty()) reading.threshold.reset();  // it is that of the grey image
-  with_image(options.image, reading, execution, [&]<int Dim>(LabelImage<Dim> read) {
+  with_moving_image(options.image, reading, execution, [&]<int Dim>(LabelImage<Dim> read) {
     PrepareOptions prepare = options.prepare;
     prepare.background = options.mesh.plain.background;
+    if constexpr (Dim == 4) check_space_time(options);
     const LabelImage<Dim> image = prepare_image(std::move(read), prepare, execution);
     const MeshOptions mesh_options = resolve(options.mesh, image);
-    require_memory(options, image, mesh_options.sizes, execution);
-    const std::optional<GreyInput<Dim>> grey = load_grey<Dim>(options, execution);
+    std::optional<GreyInput<Dim>> grey;
+    if constexpr (Dim < 4) {
+      require_memory(options, image, mesh_options.sizes, execution);
+      grey = load_grey<Dim>(options, execution);
+    }
     const MeshResult<Dim> result = mesh_image(image, mesh_options, execution, grey ? &*grey : nullptr);
     if (result.mesh.cell_count() == 0)
       throw Error(ErrorKind::limits, options.image + ": the mesh has no cells; choose a smaller --min-size");
@@ -187,13 +207,13 @@ std::string config_text(const CLI::App& command) {
 
 void add_output_options(CLI::App& mesh, MeshCommandOptions& o) {
   mesh.add_option("IMAGE", o.image, "Image file or folder of slices")->configurable(false);
-  mesh.add_option("-o,--output", o.output, "Mesh file: .vtu, .msh or .mesh")->configurable(false);
+  mesh.add_option("-o,--output", o.output, "Mesh file: .vtu, .msh, .mesh or .xdmf")->configurable(false);
   mesh.add_option("--interfaces", o.interfaces, "Also write the facets between labels, with both labels");
   mesh.add_option("--picture", o.picture, "Also write a picture of the mesh, cut open (.png)");
   mesh.add_option("--report", o.report, "Also write the report as JSON");
   add_space_option(mesh, o.space);
   add_topology_options(mesh, o.mesh.plain.min_component, o.strict);
-  mesh.add_flag("--compress,!--no-compress", o.compress, "Compress .vtu files")->default_str("true");
+  mesh.add_flag("--compress,!--no-compress", o.compress, "Compress .vtu and .xdmf files")->default_str("true");
   mesh.add_flag("--force", o.force, "Replace files that exist")->configurable(false);
   mesh.add_flag("--json", o.json, "Print the report as JSON");
   mesh.add_flag("--quiet", o.quiet, "Print nothing but errors");
@@ -219,6 +239,7 @@ void add_mesh_command(CLI::App& app, Command& command) {
   mesh->configurable();
   add_output_options(*mesh, *options);
   add_image_options(*mesh, options->reading);
+  add_space_time_options(*mesh, options->reading);
   mesh->add_option("--grey", options->grey, "Grey image beside the labels: the foreground ends at its --threshold");
   add_selection_options(*mesh, options->prepare);
   add_mesh_options(*mesh, options->mesh);

@@ -143,5 +143,6 @@ MeshOptions resolve(const MeshTextOptions& text, const LabelImage<Dim>& image) {
 
 template MeshOptions resolve(const MeshTextOptions&, const LabelImage<2>&);
 template MeshOptions resolve(const MeshTextOptions&, const LabelImage<3>&);
+template MeshOptions resolve(const MeshTextOptions&, const LabelImage<4>&);
 
 }  // namespace treemarch::app

@@ -107,6 +107,25 @@ class BadImages(ProgramTest):
         self.refuse(path, "--volume", 3, code=USAGE)
         self.refuse(path, "--volume", -1, code=USAGE)
 
+    def test_space_time(self):
+        image, _ = files.moving_ball()
+        path = files.write_nifti(self.path("a.nii"), image)
+        refuse = lambda *options, out="out.xdmf", says: self.fail_with(USAGE, "mesh", path, "-o", self.path(out), *options, says=says)
+        refuse("--space-time", says="--method paper")
+        paper = ("--space-time", "--method", "paper")
+        refuse(*paper, out="out.vtu", says=".xdmf")
+        refuse(*paper, "--picture", self.path("p.png"), says="--picture")
+        refuse(*paper, "--interfaces", self.path("i.xdmf"), says="--interfaces")
+        refuse(*paper, "--field", "solid-angle", says="--field")
+        refuse(*paper, "--smooth", "2", says="--smooth")
+        refuse(*paper, "--elements", "hybrid", says="--elements")
+        refuse(*paper, "--volume", 1, says="--volume")
+        refuse("--time-step", "1mm", "--volume", "1", says="--space-time")
+        for step in ("0", "-1", "x"):
+            refuse(*paper, "--time-step", step, says="--time-step")
+        still = files.write_nifti(self.path("b.nii"), image[..., 0])
+        self.fail_with(USAGE, "mesh", still, "-o", self.path("out.xdmf"), *paper, says="--space-time")
+
     def test_all_background(self):
         path = files.write_nrrd(self.path("a.nrrd"), np.zeros((9, 9, 9), "uint8"))
         self.fail_with(INPUT, "mesh", path, "-o", self.path("out.vtu"))
@@ -175,6 +194,19 @@ class BadOptions(ProgramTest):
         self.refuse(USAGE, "--config", self.path("c.toml"))
 
 
+class BadSlices(ProgramTest):
+    def test_slice(self):
+        image, _ = files.moving_ball(side=12, moments=3, radius=3)
+        mesh = self.path("m.xdmf")
+        self.succeed("mesh", files.write_nifti(self.path("a.nii"), image), "--space-time", "--method", "paper", "-o", mesh)
+        for time in ("-3", "99"):
+            self.fail_with(USAGE, "slice", mesh, "--time", time, "-o", self.path("s.vtu"), says="--time")
+        self.fail_with(USAGE, "slice", mesh, "-o", self.path("s.vtu"), says="--time")
+        self.fail_with(USAGE, "slice", mesh, "--time", "1", "-o", self.path("s.xyz"), says="s.xyz")
+        self.fail_with(INPUT, "slice", self.path("none.xdmf"), "--time", "1", "-o", self.path("s.vtu"))
+        self.fail_with(OUTPUT, "slice", mesh, "--time", "1", "-o", mesh, says="--force")
+
+
 class BadOutput(ProgramTest):
     def setUp(self):
         super().setUp()
@@ -201,7 +233,7 @@ class BadOutput(ProgramTest):
         self.fail_with(USAGE, "mesh", self.image, "-o", self.path("m.vtu"), "--interfaces", self.path("m.vtu"))
 
     def test_disk_full(self):
-        for name in ("m.vtu", "m.msh", "m.mesh"):
+        for name in ("m.vtu", "m.msh", "m.mesh", "m.xdmf"):
             self.fail_with(OUTPUT, "mesh", self.image, "-o", self.path(name), file_size_limit=2000)
 
 

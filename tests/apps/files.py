@@ -21,6 +21,17 @@ def balls(extent=(14, 12, 10), labels=(1, 2)):
     return image
 
 
+def moving_ball(side=24, moments=12, radius=9.3):
+    """A ball of label 3 that swings along x, one volume a moment, and its centres."""
+    grid = np.meshgrid(*[np.arange(side) + 0.5] * 3, indexing="ij")
+    image = np.zeros((side, side, side, moments), np.uint8)
+    centres = [side / 2 + (side / 2 - radius - 1) * np.sin(2 * np.pi * t / moments) for t in range(moments)]
+    for t, x in enumerate(centres):
+        r2 = (grid[0] - x) ** 2 + (grid[1] - side / 2) ** 2 + (grid[2] - side / 2) ** 2
+        image[..., t][r2 < radius**2] = 3
+    return image, centres
+
+
 def write_nrrd(path, array, spacing=None, directions=None, origin=None, space="left-posterior-superior", truncate=0,
                header=""):
     """Raw NRRD; `truncate` bytes are cut off the end."""

@@ -5,6 +5,7 @@ import subprocess
 import time
 import unittest
 
+import h5py
 import meshio
 import numpy as np
 import vtk
@@ -93,10 +94,11 @@ class Meshes(ProgramTest):
 
     def test_every_format_holds_the_same_mesh(self):
         points, cells, labels = self.mesh()
-        for name in ("m.msh", "m.mesh"):
+        for name in ("m.msh", "m.mesh", "m.xdmf"):
             self.mesh(name=name)
             other = meshio.read(self.path(name))
-            data = {k: v for k, v in other.cell_data.items() if k in ("gmsh:physical", "medit:ref")}
+            data = {k: v for k, v in other.cell_data.items() if k in ("gmsh:physical", "medit:ref", "label")}
+            data = {k: v for k, v in data.items() if k != "label" or len(data) == 1}
             [refs] = data.values()
             found = [(b.data, r) for b, r in zip(other.cells, refs) if b.type == "tetra"]
             self.assertEqual(sum(len(d) for d, _ in found), len(cells))
@@ -116,6 +118,53 @@ class Meshes(ProgramTest):
         pairs = set(zip(first, second))
         self.assertTrue({(0, 1), (0, 2), (1, 2)} <= pairs, pairs)
         self.assertTrue((first != second).all())
+
+    def test_space_time(self):
+        radius, step = 9.3, 0.05
+        image, centres = files.moving_ball(radius=radius)
+        affine = np.array([[-1, 0, 0, 5], [0, 1, 0, -3], [0, 0, 1, 2], [0, 0, 0, 1.0]])  # left-handed
+        path = files.write_nifti(self.path("a.nii"), image, affine, pixdim=(1, 1, 1, step))
+        mesh = self.path("m.xdmf")
+        report = json.loads(self.succeed("mesh", path, "--space-time", "--method", "paper", "-o", mesh, "--json"))
+        self.assertEqual(report["dimension"], 4)
+        with h5py.File(self.path("m.h5")) as arrays:
+            points, cells, labels = (arrays[name][:] for name in ("points", "cells", "label"))
+        self.assertEqual(set(labels), {3})
+        edges = points[cells[:, 1:]] - points[cells[:, :1]]
+        self.assertTrue((np.linalg.det(edges) > 0).all())
+        [whole] = [l["volume"] for l in report["labels"] if l["label"] == 3]
+        # A step of time counts as one voxel, which measures 1 mm.
+        self.assertAlmostEqual(np.linalg.det(edges).sum() / 24 / np.float32(step) / whole, 1)
+        check = json.loads(self.succeed("check", mesh, "--image", path, "--space-time", "--json"))
+        self.assertTrue(check["valid"])
+        self.assertGreater(check["dice_mean"], 0.95)
+        ball = 4 / 3 * np.pi * radius**3
+        for moment in (0, 1, 2.3, 6, 8.5, 11):
+            self.succeed("slice", mesh, "--time", moment * step, "-o", self.path("s.vtu"), "--force")
+            self.assertTrue(json.loads(self.succeed("check", self.path("s.vtu"), "--json"))["valid"])
+            at, tetrahedra, label = read_vtu(self.path("s.vtu"))
+            self.assertEqual(set(label), {3})
+            self.assertTrue((volumes(at, tetrahedra) > 0).all())
+            self.assertLess(abs(volumes(at, tetrahedra).sum() / ball - 1), 0.03, moment)
+            if moment in (1, 6):  # at both ends there is nothing beyond to weigh against
+                weight = volumes(at, tetrahedra) / volumes(at, tetrahedra).sum()
+                x = (weight * at[tetrahedra].mean(1)[:, 0]).sum()
+                self.assertAlmostEqual(x, 5 - (centres[moment] - 0.5), delta=0.2)
+
+    def test_flat_images_that_move(self):
+        image, centres = files.moving_ball(moments=24)
+        path = files.write_nrrd(self.path("a.nrrd"), image[:, :, 12], spacing=(0.5, 0.5, 0.5))  # time is the last axis
+        for method in ("paper", "guaranteed"):
+            mesh = self.path(method + ".xdmf")
+            self.succeed("mesh", path, "--method", method, "-o", mesh)
+            self.succeed("slice", mesh, "--time", 3, "-o", self.path("s.vtu"), "--force")
+            points, cells, labels = read_vtu(self.path("s.vtu"))
+            self.assertEqual((cells.shape[1], set(labels)), (3, {3}))
+            area = volumes(points, cells)
+            self.assertTrue((area > 0).all())
+            self.assertLess(abs(area.sum() / (np.pi * 4.65**2) - 1), 0.05)
+            x = (area * points[cells].mean(1)[:, 0]).sum() / area.sum()
+            self.assertAlmostEqual(x, 0.5 * centres[6] - 0.25, delta=0.1)
 
     def test_selection(self):
         self.assertEqual(set(self.mesh("--keep", "2")[2]), {2})

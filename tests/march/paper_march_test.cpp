@@ -41,9 +41,9 @@ std::vector<double> volumes(const Mesh<Dim>& mesh) {
 }
 
 template <int Dim>
-void noise_stays_sound(int side) {
+void noise_stays_sound(int side, const std::vector<int>& label_counts = {2, 4, 8}) {
   Execution execution(2);
-  for (const int labels : {2, 4, 8}) {
+  for (const int labels : label_counts) {
     for (const double snap : {0.0, 0.2, 0.45}) {
       for (const bool shaken : {false, true}) {
         Mesh<Dim> mesh = noise_mesh<Dim>(side, labels, 11 + labels);
@@ -52,12 +52,17 @@ void noise_stays_sound(int side) {
         PaperMarchOptions<Dim> options;
         options.snap = snap;
         options.revisit = shaken;
+        if (Dim == 4)
+          options.field = [side](MaterialId material, std::span<const Vec<Dim>> x, std::span<double> values) {
+            for (std::size_t i = 0; i < x.size(); ++i)
+              values[i] = 0.5 + 0.4 * std::sin(3.1 * x[i][0] + x[i][1] + 2.3 * x[i][Dim - 1] + material + side);
+          };
         const PaperMarchReport report = march_materials(mesh, options, execution);
         SCOPED_TRACE(::testing::Message() << labels << " labels, snap " << snap << ", shaken " << shaken);
         expect_sound(mesh, std::pow(side, Dim));
         EXPECT_GT(report.cuts, 0);
         // Solid angles of the plain lattice are eighths: with two labels no cut is near a vertex.
-        EXPECT_EQ(report.snapped > 0, snap > 0.2 || (snap > 0 && (shaken || labels > 2)));
+        EXPECT_EQ(report.snapped > 0, snap > 0.2 || (snap > 0 && (shaken || labels > 2 || Dim == 4)));
         EXPECT_GT(mesh.cell_count(), before);
         std::int64_t cells = 0;
         for (const auto n : report.cells_after) cells += n;
@@ -69,6 +74,13 @@ void noise_stays_sound(int side) {
 
 TEST(PaperMarch, NoiseStaysSound2D) { noise_stays_sound<2>(12); }
 TEST(PaperMarch, NoiseStaysSound3D) { noise_stays_sound<3>(7); }
+TEST(PaperMarch, NoiseStaysSound4D) { noise_stays_sound<4>(3, {3}); }
+
+TEST(PaperMarch, FourDimensionsNeedAField) {
+  Execution execution(1);
+  Mesh<4> mesh = noise_mesh<4>(2, 2, 1);
+  EXPECT_THROW(march_materials(mesh, {}, execution), Error);
+}
 
 TEST(PaperMarch, AFlatInterfaceIsLeftAsItIs) {
   for (const double snap : {0.0, 0.2}) {

@@ -66,7 +66,7 @@ struct Dimension {
 
 template <class T>
 class Splits : public PaperSplit<T::kValue> {};
-using Dimensions = ::testing::Types<Dimension<2>, Dimension<3>>;
+using Dimensions = ::testing::Types<Dimension<2>, Dimension<3>, Dimension<4>>;
 TYPED_TEST_SUITE(Splits, Dimensions);
 
 TYPED_TEST(Splits, PiecesTileTheSimplexEachOnItsSide) {
@@ -116,45 +116,81 @@ TYPED_TEST(Splits, PiecesTileTheSimplexEachOnItsSide) {
 }
 
 // What a neighbour sees of a shared face depends on the signs and the order of the vertices of that face alone: it is
-// the two-dimensional split of the face.
-TEST(PaperSplit, FacesAreSplitByTheirOwnVerticesAlone) {
-  for (const auto& signs : all_signs<3>()) {
-    for (int away = 0; away <= 3; ++away) {
-      std::array<std::int8_t, 3> face_signs;
-      std::array<int, 3> corner_of;
-      for (int i = 0, to = 0; i <= 3; ++i) {
+// the split of the face, of one dimension less.
+template <int Dim>
+void expect_faces_split_by_their_own_vertices() {
+  constexpr auto kEnds = edge_ends<Dim>();
+  constexpr auto kFaceEnds = edge_ends<Dim - 1>();
+  for (const auto& signs : all_signs<Dim>()) {
+    for (int away = 0; away <= Dim; ++away) {
+      std::array<std::int8_t, Dim> face_signs;
+      std::array<int, Dim> corner_of;
+      for (int i = 0, to = 0; i <= Dim; ++i) {
         if (i == away) continue;
         face_signs[to] = signs[i];
         corner_of[to++] = i;
       }
       const auto code_of = [&](int face_code) {
-        if (face_code <= 2) return corner_of[face_code];
-        const auto [a, b] = edge_ends<2>()[face_code - 3];
-        for (std::size_t e = 0; e < 6; ++e) {
-          if (edge_ends<3>()[e][0] == corner_of[a] && edge_ends<3>()[e][1] == corner_of[b])
-            return 4 + static_cast<int>(e);
+        if (face_code < Dim) return corner_of[face_code];
+        const auto [a, b] = kFaceEnds[face_code - Dim];
+        for (std::size_t e = 0; e < kEnds.size(); ++e) {
+          if (kEnds[e][0] == corner_of[a] && kEnds[e][1] == corner_of[b]) return Dim + 1 + static_cast<int>(e);
         }
         return -1;
       };
       std::set<std::set<int>> expected;
-      for (const auto& piece : simplex_split<2>(face_signs)) {
-        std::set<int> triangle;
-        for (const int c : piece.corners) triangle.insert(code_of(c));
-        expected.insert(triangle);
+      for (const auto& piece : simplex_split<Dim - 1>(face_signs)) {
+        std::set<int> simplex;
+        for (const int c : piece.corners) simplex.insert(code_of(c));
+        expected.insert(simplex);
       }
       std::set<std::set<int>> found;
-      for (const auto& piece : simplex_split<3>(signs)) {
-        std::set<int> triangle;
+      for (const auto& piece : simplex_split<Dim>(signs)) {
+        std::set<int> simplex;
         for (const int c : piece.corners) {
-          const bool in_face =
-              c <= 3 ? c != away : edge_ends<3>()[c - 4][0] != away && edge_ends<3>()[c - 4][1] != away;
-          if (in_face) triangle.insert(c);
+          const bool in_face = c <= Dim ? c != away : kEnds[c - Dim - 1][0] != away && kEnds[c - Dim - 1][1] != away;
+          if (in_face) simplex.insert(c);
         }
-        if (triangle.size() == 3) found.insert(triangle);
+        if (simplex.size() == Dim) found.insert(simplex);
       }
       EXPECT_EQ(found, expected);
     }
   }
+}
+
+TEST(PaperSplit, FacesAreSplitByTheirOwnVerticesAlone) {
+  expect_faces_split_by_their_own_vertices<3>();
+  expect_faces_split_by_their_own_vertices<4>();
+}
+
+// The section is what the pieces of the two sides share.
+template <int Dim>
+void expect_slice_between_the_sides() {
+  for (const auto& signs : all_signs<Dim>()) {
+    if (std::ranges::count(signs, 1) == 0 || std::ranges::count(signs, -1) == 0) continue;
+    std::set<std::set<int>> expected;
+    for (const auto& piece : simplex_split<Dim>(signs)) {
+      std::set<int> on_surface;
+      for (const int c : piece.corners)
+        if (c > Dim || signs[c] == 0) on_surface.insert(c);
+      if (on_surface.size() == Dim) expected.insert(on_surface);
+    }
+    std::set<std::set<int>> found;
+    for (const auto& piece : simplex_slice<Dim>(signs)) found.insert({piece.begin(), piece.end()});
+    EXPECT_EQ(found, expected);
+    EXPECT_EQ(simplex_slice<Dim>(signs).count, static_cast<int>(found.size()));
+  }
+}
+
+TEST(PaperSplit, TheSliceIsWhatBothSidesShare) {
+  expect_slice_between_the_sides<3>();
+  expect_slice_between_the_sides<4>();
+}
+
+TEST(PaperSplit, NoPatternHasMorePiecesThanThereIsRoomFor) {
+  int most = 0;
+  for (const auto& signs : all_signs<4>()) most = std::max(most, simplex_split<4>(signs).count);
+  EXPECT_EQ(most, SimplexSplit<4>::kMaxPieces);
 }
 
 TEST(PaperSplit, NumberOfPiecesOfThePapersCases) {

@@ -10,6 +10,7 @@
 
 #include "support/meshes.h"
 #include "treemarch/core/error.h"
+#include "treemarch/mesh/move_to_inner.h"
 #include "treemarch/mesh/validate.h"
 #include "treemarch/mesh/write_mesh.h"
 
@@ -73,15 +74,47 @@ TEST_F(ReadMeshTest, GivesBackWhatWasWritten) {
   Frame<3> frame;
   frame.origin = {100.1, -3, 1e-3};
   frame.direction = {Vec<3>{0.6, 0.8, 0}, {-0.8, 0.6, 0}, {0, 0, 1}};
+  const Frame<2> kPlain2;
   for (const char* name : {"a.vtu", "a.msh", "a.mesh"}) {
     EXPECT_EQ(content_of<3>(through_file(name, box, frame), nullptr), content_of(box, &frame)) << name;
     const Mesh<3> mixed = through_file<3>(name, mixed_mesh(), {});
     const Frame<3> plain;
     EXPECT_EQ(content_of<3>(mixed, nullptr), content_of(mixed_mesh(), &plain)) << name;
-    const Frame<2> plain2;
-    EXPECT_EQ(content_of<2>(through_file(name, flat, plain2), nullptr), content_of(flat, &plain2)) << name;
+    EXPECT_EQ(content_of<2>(through_file(name, flat, kPlain2), nullptr), content_of(flat, &kPlain2)) << name;
   }
   EXPECT_EQ(content_of<3>(through_file("a.vtu", box, frame, false), nullptr), content_of(box, &frame));
+  for (const bool compress : {false, true}) {
+    EXPECT_EQ(content_of<3>(through_file("a.xdmf", box, frame, compress), nullptr), content_of(box, &frame));
+    EXPECT_EQ(content_of<2>(through_file<2>("a.xdmf", flat, {}, compress), nullptr), content_of(flat, &kPlain2));
+  }
+  EXPECT_THROW(through_file<3>("b.xdmf", mixed_mesh(), {}), Error);
+  EXPECT_FALSE(fs::exists(folder_ / "b.h5"));
+}
+
+TEST_F(ReadMeshTest, GivesBackSpaceTime) {
+  Mesh<4> mesh =
+      box_mesh<4>({3, 1, 2, 2}, [&](const Coord<4>& c) { return c[3] - 2 * c[0]; }, {0.1, 0.7, 1.5, 1.0 / 3});
+  mesh.names.assign(mesh.labels.size(), "");
+  mesh.names[1] = "left atrium";
+  Frame<4> frame;
+  frame.spacing = {0.1, 0.7, 1.5, 1.0 / 3};
+  frame.origin = {100.1, -3, 1e-3, 2};
+  frame.direction = {Vec<4>{0.6, 0.8, 0, 0}, {0.8, -0.6, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 0.15}};  // left-handed
+  frame.space = "RAST";
+  write_mesh(folder_ / "a.xdmf", mesh, frame, {}, execution_);
+  MeshRecord record;
+  const auto read = std::get<Mesh<4>>(read_mesh(folder_ / "a.xdmf", execution_, &record));
+  EXPECT_TRUE(validate(read, execution_).sound());
+  EXPECT_EQ(read.names, mesh.names);
+  EXPECT_EQ(record.space, "RAST");
+  ASSERT_EQ(record.affine.size(), 25U);
+  EXPECT_DOUBLE_EQ(record.affine[18], 0.15 / 3);
+  EXPECT_DOUBLE_EQ(record.affine[19], 2);
+  Mesh<4> back = read;
+  move_to_inner(back, frame, execution_);
+  ASSERT_EQ(back.blocks[0].vertices, mesh.blocks[0].vertices);
+  for (std::size_t i = 0; i < mesh.points.size(); ++i) EXPECT_LT(norm(back.points[i] - mesh.points[i]), 1e-12);
+  EXPECT_THROW(write_mesh<4>(folder_ / "a.vtu", mesh, frame, {}, execution_), Error);
 }
 
 TEST_F(ReadMeshTest, LeftHandedCellsArePositiveInTheWorld) {
@@ -109,6 +142,10 @@ TEST_F(ReadMeshTest, SameBytesForAnyNumberOfThreads) {
     write_mesh<3>(folder_ / name, mesh, {}, {.overwrite = true}, Execution(3));
     EXPECT_EQ(one, content(folder_ / name)) << name;
   }
+  write_mesh<3>(folder_ / "a.xdmf", mesh, {}, {.overwrite = true}, Execution(1));
+  const std::string arrays = content(folder_ / "a.h5");
+  write_mesh<3>(folder_ / "a.xdmf", mesh, {}, {.overwrite = true}, Execution(3));
+  EXPECT_EQ(arrays, content(folder_ / "a.h5"));
 }
 
 TEST_F(ReadMeshTest, ReadsOtherEncodingsOfVtu) {
@@ -148,14 +185,25 @@ TEST_F(ReadMeshTest, ReadsTextOfGmsh) {
 }
 
 TEST_F(ReadMeshTest, RefusesWhatIsNoMesh) {
-  for (const char* name : {"a.vtu", "a.msh", "a.mesh"}) {
-    EXPECT_THROW(read_mesh(folder_ / "missing" / name, execution_), Error);
+  for (const char* name : {"a.vtu", "a.msh", "a.mesh", "a.xdmf"}) {
+    EXPECT_THROW(read_mesh(folder_ / "missing" / name, execution_), Error) << name;
     for (const char* text : {"", "\n", "nonsense", "<VTKFile", "MeshVersionFormatted 2 Dimension 3 End",
                              "MeshVersionFormatted 2 Dimension 3 Vertices 99999999999 1 2 3"})
       EXPECT_THROW(read_text(name, text), Error) << name << ": " << text;
   }
   EXPECT_THROW(read_text("a.stl", "solid"), Error);
   EXPECT_THROW(read_mesh(folder_.string() + "/", execution_), Error);
+}
+
+TEST_F(ReadMeshTest, RefusesXdmfWithoutItsArrays) {
+  write_mesh<3>(folder_ / "a.xdmf", box_mesh<3>({1, 1, 1}, [](const Coord<3>&) { return 1; }), {}, {}, execution_);
+  const std::string arrays = content(folder_ / "a.h5");
+  for (const std::string& bytes : {arrays.substr(0, arrays.size() / 2), std::string(500, 'x'), std::string()}) {
+    std::ofstream(folder_ / "a.h5", std::ios::binary) << bytes;
+    EXPECT_THROW(read_mesh(folder_ / "a.xdmf", execution_), Error);
+  }
+  fs::remove(folder_ / "a.h5");
+  EXPECT_THROW(read_mesh(folder_ / "a.xdmf", execution_), Error);
 }
 
 /// Whatever happens to a file, reading it ends with a mesh or with one line.

@@ -211,7 +211,11 @@ GreyImage<Dim> to_grey(const std::string& path, const RawImage& raw, std::int64_
 AnyImage read_label_image(const std::string& path, const ReadOptions& options, const Execution& execution) {
   return with_plain_messages([&]() -> AnyImage {
     const RawImage raw = read_raw(path, options, execution);
-    if (options.space_time && raw.volumes > 1) {
+    if (options.space_time && raw.volumes < 2)
+      throw Error(ErrorKind::usage, "--space-time: " + path + " holds a single volume; leave the option out");
+    if (options.space_time && options.volume)
+      throw Error(ErrorKind::usage, "--volume: is one moment, --space-time is all of them; leave one of them out");
+    if (options.space_time) {
       if (raw.dim == 2) return to_labels<3>(path, raw, 0, raw.volumes, options, execution);
       return to_labels<4>(path, raw, 0, raw.volumes, options, execution);
     }

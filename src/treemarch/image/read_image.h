@@ -19,7 +19,7 @@ struct ReadOptions {
   std::optional<int> volume;
   /// Sides of a voxel, one an axis or one for all, for formats that carry none (TIFF, PNG).
   std::vector<double> spacing;
-  /// Keep all volumes of a 4D file: space-time as LabelImage<4>.
+  /// Keep all volumes of a file as a further axis: LabelImage<4>, or <3> of a flat image. There must be several.
   bool space_time = false;
   /// Take integral values as labels even where they look like those of a grey image.
   bool any_labels = false;

@@ -152,5 +152,6 @@ void ActiveCells<Dim>::write_back(Mesh<Dim>& mesh) const {
 
 template class ActiveCells<2>;
 template class ActiveCells<3>;
+template class ActiveCells<4>;
 
 }  // namespace treemarch

@@ -91,6 +91,8 @@ PaperMarchReport march_materials(Mesh<Dim>& mesh, const PaperMarchOptions<Dim>& 
   if (!(options.tolerance >= 0 && options.tolerance < 0.5)) {
     throw Error(ErrorKind::usage, "tolerance: not in [0, 0.5); give a small part of the range of f");
   }
+  if (Dim == 4 && !options.field)
+    throw Error(ErrorKind::usage, "field: four dimensions have no solid angles; give a function of position");
   const std::vector<MaterialId> order = complete_order(options.order, mesh.labels.size());
   const Execution::Stage stage(execution, "march");
   PaperMarchReport report;
@@ -121,5 +123,6 @@ PaperMarchReport march_materials(Mesh<Dim>& mesh, const PaperMarchOptions<Dim>& 
 
 template PaperMarchReport march_materials<2>(Mesh<2>&, const PaperMarchOptions<2>&, Execution&);
 template PaperMarchReport march_materials<3>(Mesh<3>&, const PaperMarchOptions<3>&, Execution&);
+template PaperMarchReport march_materials<4>(Mesh<4>&, const PaperMarchOptions<4>&, Execution&);
 
 }  // namespace treemarch

@@ -23,7 +23,7 @@ struct PaperMarchOptions {
   /// alone: then vertices that touch the material and just one of an earlier turn count as on the surface. Revisiting
   /// moves a surface by a little and so makes slivers.
   bool revisit = false;
-  /// Separating function by position; empty for solid angles on the current mesh (paper eq. 2).
+  /// Separating function by position; empty for solid angles on the current mesh (paper eq. 2; 2D and 3D only).
   MaterialField<Dim> field;
 };
 

@@ -9,6 +9,7 @@
 #include "treemarch/core/parallel.h"
 #include "treemarch/march/paper_split.h"
 #include "treemarch/march/solid_angle.h"
+#include "treemarch/mesh/cell_topology.h"
 #include "treemarch/mesh/simplex_quality.h"
 
 namespace treemarch {
@@ -19,8 +20,8 @@ namespace {
 constexpr std::int8_t kOneSided = 2;
 /// Material of a cell that was lost and has no new one yet.
 constexpr MaterialId kUndecided = kOutside - 1;
-/// Determinant over the longest edge cubed (2D: squared): no cut may make a piece flatter than this, so that every
-/// piece is positive beyond rounding.
+/// Determinant over the longest edge to the power of the dimension: no cut may make a piece flatter than this, so that
+/// every piece is positive beyond rounding.
 constexpr double kFlat = 1e-6;
 /// Quality (mesh/simplex_quality.h) below which snapping may not bring a cell, unless the vertex had a worse one.
 constexpr double kFairAngle = 10;
@@ -34,20 +35,19 @@ double shape(const std::array<Vec<Dim>, Dim + 1>& x) {
   for (int a = 0; a < Dim; ++a) {
     for (int b = a + 1; b <= Dim; ++b) longest = std::max(longest, squared_norm(x[b] - x[a]));
   }
-  const Vec<Dim> e = x[1] - x[0];
-  const Vec<Dim> f = x[2] - x[0];
-  if constexpr (Dim == 2) {
-    return (e[0] * f[1] - e[1] * f[0]) / longest;
-  } else {
-    return dot(cross(e, f), x[3] - x[0]) / (longest * std::sqrt(longest));
-  }
+  std::array<Vec<Dim>, Dim> edges;
+  for (int i = 0; i < Dim; ++i) edges[i] = x[i + 1] - x[0];
+  const double scale = Dim == 2 ? longest : Dim == 3 ? longest * std::sqrt(longest) : longest * longest;
+  return determinant<Dim>(edges) / scale;
 }
 
-/// Area of a triangle, length of a segment.
+/// Length of a segment, area of a triangle, volume of a tetrahedron.
 template <int Dim>
 double facet_area(const std::array<Vec<Dim>, Dim + 1>& x, int opposite) {
   if constexpr (Dim == 2) {
     return norm(x[(opposite + 2) % 3] - x[(opposite + 1) % 3]);
+  } else if constexpr (Dim == 4) {
+    return norm(inward_normals(x)[opposite]) / 6;
   } else {
     const Vec<3>& o = x[(opposite + 1) % 4];
     return norm(cross(x[(opposite + 2) % 4] - o, x[(opposite + 3) % 4] - o)) / 2;
@@ -167,7 +167,8 @@ void PaperSeparation<Dim>::evaluate() {
   if (options_.field) evaluate_field(vertices_);
   parallel_for_ranges(execution_, n, 64, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t i = begin; i < end; ++i) {
-      if (!options_.field) evaluate_solid_angles(static_cast<std::size_t>(i));
+      if constexpr (Dim < 4)
+        if (!options_.field) evaluate_solid_angles(static_cast<std::size_t>(i));
       const VertexId v = vertices_[static_cast<std::size_t>(i)];
       if (!options_.revisit && on_earlier_surface(v)) offset_[v] = 0;
       sign_[v] = static_cast<std::int8_t>((offset_[v] > options_.tolerance) - (offset_[v] < -options_.tolerance));
@@ -207,14 +208,16 @@ std::vector<VertexId> PaperSeparation<Dim>::one_sided_vertices() const {
 
 template <int Dim>
 void PaperSeparation<Dim>::evaluate_solid_angles(std::size_t i) {
-  double inside = 0;
-  double all = 0;
-  cells_.for_each_cell(vertices_[i], [&](Index c, int corner) {
-    const double ratio = solid_angle_ratio<Dim>(kSimplex<Dim>, cells_.cell(c).data(), corner, points_);
-    all += ratio;
-    if (cells_.material(c) == material_) inside += ratio;
-  });
-  offset_[vertices_[i]] = inside / all - 0.5;
+  if constexpr (Dim < 4) {
+    double inside = 0;
+    double all = 0;
+    cells_.for_each_cell(vertices_[i], [&](Index c, int corner) {
+      const double ratio = solid_angle_ratio<Dim>(kSimplex<Dim>, cells_.cell(c).data(), corner, points_);
+      all += ratio;
+      if (cells_.material(c) == material_) inside += ratio;
+    });
+    offset_[vertices_[i]] = inside / all - 0.5;
+  }
 }
 
 /// Whether a vertex touches the material and just one other, which was separated before.
@@ -557,5 +560,6 @@ void PaperSeparation<Dim>::assign_lost(PaperMarchReport& report) {
 
 template class PaperSeparation<2>;
 template class PaperSeparation<3>;
+template class PaperSeparation<4>;
 
 }  // namespace treemarch

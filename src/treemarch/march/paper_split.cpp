@@ -131,11 +131,27 @@ SimplexSplit<Dim> make_split(const Signs<Dim>& signs) {
   return split;
 }
 
+template <int Dim>
+SimplexSlice<Dim> make_slice(const Signs<Dim>& signs) {
+  constexpr unsigned kAll = (1U << (Dim + 1)) - 1;
+  SimplexSlice<Dim> slice;
+  if (dimension_of<Dim>(signs, {kAll, 0}) != Dim - 1) return slice;
+  // A corner off the surface tells the sides apart.
+  const auto off = std::ranges::find_if(signs, [](std::int8_t s) { return s != 0; });
+  for (Corners& corners : pull<Dim>(signs, {kAll, 0})) {
+    corners.push_back(static_cast<std::uint8_t>(off - signs.begin()));
+    if (orientation<Dim>(corners) != *off) std::swap(corners[0], corners[1]);
+    std::copy_n(corners.begin(), Dim, slice.pieces[static_cast<std::size_t>(slice.count++)].begin());
+  }
+  return slice;
+}
+
 constexpr std::size_t power_of_three(int n) { return n == 0 ? 1 : 3 * power_of_three(n - 1); }
 
-template <int Dim>
-std::array<SimplexSplit<Dim>, power_of_three(Dim + 1)> make_table() {
-  std::array<SimplexSplit<Dim>, power_of_three(Dim + 1)> table;
+/// One entry for each pattern of signs.
+template <int Dim, class Make>
+auto make_table(const Make& make) {
+  std::vector<decltype(make(Signs<Dim>{}))> table(power_of_three(Dim + 1));
   for (std::size_t code = 0; code < table.size(); ++code) {
     Signs<Dim> signs{};
     std::size_t rest = code;
@@ -143,22 +159,36 @@ std::array<SimplexSplit<Dim>, power_of_three(Dim + 1)> make_table() {
       sign = static_cast<std::int8_t>(static_cast<int>(rest % 3) - 1);
       rest /= 3;
     }
-    table[code] = make_split<Dim>(signs);
+    table[code] = make(signs);
   }
   return table;
+}
+
+template <int Dim>
+std::size_t code_of(const Signs<Dim>& signs) {
+  std::size_t code = 0;
+  for (int i = Dim; i >= 0; --i) code = code * 3 + static_cast<std::size_t>(signs[i] + 1);
+  return code;
 }
 
 }  // namespace
 
 template <int Dim>
 const SimplexSplit<Dim>& simplex_split(const std::array<std::int8_t, Dim + 1>& signs) {
-  static const auto kTable = make_table<Dim>();
-  std::size_t code = 0;
-  for (int i = Dim; i >= 0; --i) code = code * 3 + static_cast<std::size_t>(signs[i] + 1);
-  return kTable[code];
+  static const auto kTable = make_table<Dim>(make_split<Dim>);
+  return kTable[code_of<Dim>(signs)];
+}
+
+template <int Dim>
+const SimplexSlice<Dim>& simplex_slice(const std::array<std::int8_t, Dim + 1>& signs) {
+  static const auto kTable = make_table<Dim>(make_slice<Dim>);
+  return kTable[code_of<Dim>(signs)];
 }
 
 template const SimplexSplit<2>& simplex_split<2>(const std::array<std::int8_t, 3>&);
 template const SimplexSplit<3>& simplex_split<3>(const std::array<std::int8_t, 4>&);
+template const SimplexSplit<4>& simplex_split<4>(const std::array<std::int8_t, 5>&);
+template const SimplexSlice<3>& simplex_slice<3>(const std::array<std::int8_t, 4>&);
+template const SimplexSlice<4>& simplex_slice<4>(const std::array<std::int8_t, 5>&);
 
 }  // namespace treemarch

@@ -14,6 +14,7 @@
 
 #include "treemarch/core/execution.h"
 #include "treemarch/mesh/mesh.h"
+#include "treemarch/mesh/read_mesh.h"
 
 namespace treemarch {
 
@@ -31,8 +32,10 @@ struct MeshInput {
     std::vector<std::int32_t> labels;
   };
   std::vector<Vec<3>> points;
+  std::vector<Vec<4>> space_time_points;  ///< instead of `points`, for pentatopes
   std::vector<Cells> cells;
   std::vector<std::pair<std::int32_t, std::string>> names;  ///< of labels
+  MeshRecord record;
 
   /// The cells to which one of `type` is to be appended.
   Cells& cells_of(CellType type) {
@@ -44,6 +47,8 @@ struct MeshInput {
 MeshInput read_vtu(std::string_view file, const Execution& execution);
 MeshInput read_msh(std::string_view file);
 MeshInput read_medit(std::string_view file);
+/// \param text content of the .xdmf. \param path its place, from which its arrays are found.
+MeshInput read_xdmf(std::string_view text, const std::string& path);
 
 /// Reads bytes in order and never beyond their end.
 class Cursor {

@@ -3,7 +3,6 @@
 /// has a group for each material, an interface mesh one for each pair.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -28,8 +27,9 @@ struct MeshSource {
   };
 
   int cell_dimension = 3;
+  int coordinates = 3;  ///< of a point: 4 in space-time, else 3
   std::int64_t point_count = 0;
-  /// Writes the coordinates of points [begin, end), three each.
+  /// Writes the coordinates of points [begin, end).
   std::function<void(std::int64_t begin, std::int64_t end, double* to)> points;
   std::vector<Block> blocks;
   bool mirrored = false;  ///< cells are to be written in mirrored_order()
@@ -38,11 +38,12 @@ struct MeshSource {
 
   // The record of the frame.
   std::string space;                 ///< letters of the axes, "index", or empty
-  std::array<double, 16> affine{};   ///< voxel index (centres at integers) to coordinates, row by row
+  std::vector<double> affine;        ///< voxel index (centres at integers) to coordinates, row by row
   std::int32_t outside = 0;          ///< label of the outside
   std::vector<std::int32_t> labels;  ///< labels that have names
   std::vector<std::string> names;
 
+  [[nodiscard]] int affine_side() const { return coordinates + 1; }
   [[nodiscard]] std::int64_t cell_count() const {
     std::int64_t n = 0;
     for (const Block& b : blocks) n += b.size;
@@ -59,6 +60,15 @@ std::vector<std::uint64_t> write_chunks(OutputFile& file, const Execution& execu
 void write_vtu(const MeshSource& mesh, bool compress, OutputFile& file, const Execution& execution);
 void write_msh(const MeshSource& mesh, OutputFile& file, const Execution& execution);
 void write_medit(const MeshSource& mesh, OutputFile& file, const Execution& execution);
+
+/// The two files of XDMF: the text, and the arrays that it describes. \pre mesh.blocks.size() == 1
+/// \param path name of the arrays' file for messages. \param file where they are written for the time being.
+void write_xdmf_arrays(const MeshSource& mesh, bool compress, const std::string& path, const std::string& file,
+                       const Execution& execution);
+/// \param arrays name of the file of the arrays, as the text shall refer to it.
+std::string xdmf_text(const MeshSource& mesh, const std::string& arrays);
+/// The name of the arrays' file that goes with an .xdmf.
+std::string xdmf_arrays_path(const std::string& path);
 
 /// Appends the shortest text that reads back as the same number.
 void append_number(std::string& text, double value);

@@ -14,17 +14,19 @@ char opposite(char axis) {
   return i == std::string_view::npos ? '\0' : kAxes[i ^ 1U];
 }
 
-/// Axis r of the result is the axis of `frame` with the same letter, or the negative of the one with the opposite.
+/// Axis r of the result is the axis of `frame` with the same letter, or the negative of the one with the opposite. Time
+/// stays as it is.
 template <int Dim>
 Frame<Dim> turned_to(const Frame<Dim>& frame, const std::string& axes) {
   Frame<Dim> result = frame;
-  result.space = axes.substr(0, Dim);
-  for (int r = 0; r < Dim; ++r) {
+  const int spatial = frame.space.ends_with('T') || Dim == 4 ? Dim - 1 : Dim;
+  result.space = axes.substr(0, static_cast<std::size_t>(spatial)) + (spatial < Dim ? "T" : "");
+  for (int r = 0; r < spatial; ++r) {
     int from = 0;
-    while (from < Dim && from < static_cast<int>(frame.space.size()) && frame.space[from] != axes[r] &&
+    while (from < spatial && from < static_cast<int>(frame.space.size()) && frame.space[from] != axes[r] &&
            frame.space[from] != opposite(axes[r]))
       ++from;
-    if (from >= Dim || from >= static_cast<int>(frame.space.size()))
+    if (from >= spatial || from >= static_cast<int>(frame.space.size()))
       throw Error(ErrorKind::usage, "--space: the image does not say where its axes point" +
                                         (frame.space.empty() ? "" : " (\"" + frame.space + "\")") +
                                         "; leave the option out or give --space index");
@@ -56,7 +58,9 @@ bool is_left_handed(const Frame<Dim>& frame) {
 
 template Frame<2> output_frame(const Frame<2>&, OutputSpace);
 template Frame<3> output_frame(const Frame<3>&, OutputSpace);
+template Frame<4> output_frame(const Frame<4>&, OutputSpace);
 template bool is_left_handed(const Frame<2>&);
 template bool is_left_handed(const Frame<3>&);
+template bool is_left_handed(const Frame<4>&);
 
 }  // namespace treemarch

@@ -5,6 +5,7 @@
 
 #include "treemarch/core/parallel.h"
 #include "treemarch/mesh/cell_topology.h"
+#include "treemarch/mesh/simplex_quality.h"
 
 namespace treemarch {
 namespace {
@@ -54,10 +55,19 @@ CosineRange tetrahedron_cosines(const std::array<Vec<3>, 4>& p) {
   return range;
 }
 
+CosineRange pentatope_cosines(const std::array<Vec<4>, 5>& p) {
+  const std::array<Vec<4>, 5> n = inward_normals(p);
+  CosineRange range;
+  for (int i = 0; i <= 4; ++i)
+    for (int j = 0; j < i; ++j) range.add(-dot(n[i], n[j]), squared_norm(n[i]) * squared_norm(n[j]));
+  return range;
+}
+
 template <int Dim>
 CosineRange cell_cosines(const std::array<Vec<Dim>, 8>& p, CellType type) {
   if constexpr (Dim == 3)
     if (type == CellType::tetrahedron) return tetrahedron_cosines({p[0], p[1], p[2], p[3]});
+  if constexpr (Dim == 4) return pentatope_cosines({p[0], p[1], p[2], p[3], p[4]});
   CosineRange range;
   if (type == CellType::triangle) {
     if constexpr (Dim == 2)
@@ -70,7 +80,7 @@ CosineRange cell_cosines(const std::array<Vec<Dim>, 8>& p, CellType type) {
     auto edge = [&](int i) { return p[corner[i]] - p[corner[0]]; };
     if constexpr (Dim == 2)
       add_angle(edge(1), edge(2), range);
-    else
+    else if constexpr (Dim == 3)
       add_corner(edge(1), edge(2), edge(3), range);
   }
   return range;
@@ -164,7 +174,7 @@ MeshQuality measure_quality(const Mesh<Dim>& mesh, const Frame<Dim>& frame, int 
     Vec<Dim> centre{};
     for (int i = 0; i < corners; ++i) centre = centre + (1.0 / corners) * mesh.points[block.cell(w.cell)[i]];
     centre = to_world(frame, centre);
-    std::copy(centre.begin(), centre.end(), w.centre.begin());
+    std::copy_n(centre.begin(), std::min(Dim, 3), w.centre.begin());
     w.label = mesh.labels[block.materials[w.cell]];
   }
   return quality;
@@ -174,5 +184,6 @@ template DegreeRange cell_angles(const Vec<2>*, CellType, const VertexId*);
 template DegreeRange cell_angles(const Vec<3>*, CellType, const VertexId*);
 template MeshQuality measure_quality(const Mesh<2>&, const Frame<2>&, int, const Execution&);
 template MeshQuality measure_quality(const Mesh<3>&, const Frame<3>&, int, const Execution&);
+template MeshQuality measure_quality(const Mesh<4>&, const Frame<4>&, int, const Execution&);
 
 }  // namespace treemarch

@@ -1,5 +1,5 @@
 /// \file
-/// Shape of the cells: dihedral angles in 3D, angles in 2D.
+/// Shape of the cells: dihedral angles in 3D and 4D, angles in 2D.
 #pragma once
 
 #include <algorithm>
@@ -39,7 +39,7 @@ struct WorstCell {
   CellType type{};
   std::int64_t cell = 0;  ///< within the block of its type
   DegreeRange angles;
-  Vec<3> centre{};  ///< mean of its vertices in the world; z = 0 in 2D
+  Vec<3> centre{};  ///< mean of its vertices in the world; z = 0 in 2D, without the time in 4D
   std::int32_t label = 0;
 };
 

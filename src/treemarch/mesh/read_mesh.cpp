@@ -59,10 +59,14 @@ class Materials {
 template <int Dim>
 Mesh<Dim> assembled(const MeshInput& input) {
   Mesh<Dim> mesh;
-  mesh.points.reserve(input.points.size());
-  for (const Vec<3>& p : input.points) {
-    Vec<Dim>& to = mesh.points.emplace_back();
-    std::copy(p.begin(), p.begin() + Dim, to.begin());
+  if constexpr (Dim == 4) {
+    mesh.points = input.space_time_points;
+  } else {
+    mesh.points.reserve(input.points.size());
+    for (const Vec<3>& p : input.points) {
+      Vec<Dim>& to = mesh.points.emplace_back();
+      std::copy(p.begin(), p.begin() + Dim, to.begin());
+    }
   }
   Materials materials(input);
   for (int t = 0; t <= static_cast<int>(CellType::pentatope); ++t) {
@@ -77,8 +81,7 @@ Mesh<Dim> assembled(const MeshInput& input) {
     for (const MeshInput::Cells& cells : input.cells) {
       if (cells.type != block.type) continue;
       for (const std::int64_t v : cells.vertices) {
-        if (v < 0 || v >= static_cast<std::int64_t>(input.points.size()))
-          throw BadFile("has a cell with a vertex that does not exist");
+        if (v < 0 || v >= std::ssize(mesh.points)) throw BadFile("has a cell with a vertex that does not exist");
         block.vertices.push_back(static_cast<VertexId>(v));
       }
       for (const std::int32_t l : cells.labels) block.materials.push_back(materials.of(l, mesh.labels));
@@ -101,6 +104,9 @@ AnyMesh assembled_any(const MeshInput& input) {
     if (!c.labels.empty()) dim = std::max(dim, dimension(c.type));
   for (const Vec<3>& p : input.points)
     if (!std::isfinite(p[0] + p[1] + p[2])) throw BadFile("has a point that is no number");
+  for (const Vec<4>& p : input.space_time_points)
+    if (!std::isfinite(p[0] + p[1] + p[2] + p[3])) throw BadFile("has a point that is no number");
+  if (dim == 4) return assembled<4>(input);
   if (dim == 3) return assembled<3>(input);
   if (dim != 2) throw BadFile("has no cells");
   for (const Vec<3>& p : input.points)
@@ -110,14 +116,19 @@ AnyMesh assembled_any(const MeshInput& input) {
 
 }  // namespace
 
-AnyMesh read_mesh(const std::string& path, const Execution& execution) {
+AnyMesh read_mesh(const std::string& path, const Execution& execution, MeshRecord* record) {
   const std::string extension = std::filesystem::path(path).extension().string();
-  if (extension != ".vtu" && extension != ".msh" && extension != ".mesh")
-    throw Error(ErrorKind::usage, path + ": unknown mesh format \"" + extension + "\"; give .vtu, .msh or .mesh");
+  if (extension != ".vtu" && extension != ".msh" && extension != ".mesh" && extension != ".xdmf")
+    throw Error(ErrorKind::usage,
+                path + ": unknown mesh format \"" + extension + "\"; give .vtu, .msh, .mesh or .xdmf");
   const std::string bytes = read_file(path);
   try {
-    if (extension == ".vtu") return assembled_any(read_vtu(bytes, execution));
-    return assembled_any(extension == ".msh" ? read_msh(bytes) : read_medit(bytes));
+    const MeshInput input = extension == ".vtu"    ? read_vtu(bytes, execution)
+                            : extension == ".msh"  ? read_msh(bytes)
+                            : extension == ".mesh" ? read_medit(bytes)
+                                                   : read_xdmf(bytes, path);
+    if (record) *record = input.record;
+    return assembled_any(input);
   } catch (const BadFile& bad) {
     throw Error(ErrorKind::input, path + ": " + bad.what());
   } catch (const std::bad_alloc&) {

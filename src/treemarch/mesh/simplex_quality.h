@@ -1,6 +1,6 @@
 /// \file
 /// The measure of a simplex that the default method guarantees: its angles, kept as cosines so that a comparison costs
-/// no inverse function. Angles are dihedral in 3D and those of the triangle in 2D.
+/// no inverse function. Angles are those between facets: of the triangle in 2D, dihedral in 3D and 4D.
 #pragma once
 
 #include <algorithm>
@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "treemarch/core/vec.h"
+#include "treemarch/mesh/cell_topology.h"
 
 namespace treemarch {
 
@@ -23,6 +24,24 @@ struct AngleRange {
   }
   [[nodiscard]] bool inverted() const { return high > 1; }
 };
+
+/// Normals of the facets of a pentatope opposite to each vertex, of a length of six times their volume: the gradients
+/// of its barycentric coordinates times 24 times its own volume. They point inwards if it is positive.
+inline std::array<Vec<4>, 5> inward_normals(const std::array<Vec<4>, 5>& p) {
+  std::array<Vec<4>, 4> edges{};
+  for (int k = 1; k <= 4; ++k) edges[k - 1] = p[k] - p[0];
+  std::array<Vec<4>, 5> n{};
+  for (int i = 1; i <= 4; ++i) {
+    for (int d = 0; d < 4; ++d) {
+      auto replaced = edges;
+      replaced[i - 1] = {};
+      replaced[i - 1][d] = 1;
+      n[i][d] = determinant<4>(replaced);
+    }
+    n[0] = n[0] - n[i];
+  }
+  return n;
+}
 
 namespace detail {
 
@@ -48,6 +67,19 @@ inline AngleRange angles(const Vec<3>& p0, const Vec<3>& p1, const Vec<3>& p2, c
   return {-std::min({c01, c02, c03, c12, c13, c23}), -std::max({c01, c02, c03, c12, c13, c23})};
 }
 
+inline AngleRange angles(const std::array<Vec<4>, 5>& p) {
+  const std::array<Vec<4>, 5> n = inward_normals(p);
+  if (!(dot(p[1] - p[0], n[1]) > 0)) return {2, -2};
+  AngleRange range;
+  for (int i = 0; i <= 4; ++i) {
+    for (int j = 0; j < i; ++j) {
+      const double cosine = -dot(n[i], n[j]) / std::sqrt(squared_norm(n[i]) * squared_norm(n[j]));
+      range.merge({cosine, cosine});
+    }
+  }
+  return range;
+}
+
 }  // namespace detail
 
 /// Angles of a simplex given by its Dim + 1 points.
@@ -55,6 +87,8 @@ template <int Dim>
 AngleRange angle_range(const std::array<Vec<Dim>, Dim + 1>& p) {
   if constexpr (Dim == 2)
     return detail::angles(p[0], p[1], p[2]);
+  else if constexpr (Dim == 4)
+    return detail::angles(p);
   else
     return detail::angles(p[0], p[1], p[2], p[3]);
 }

@@ -13,14 +13,27 @@
 namespace treemarch {
 namespace {
 
-enum class Format { vtu, msh, medit };
+enum class Format { vtu, msh, medit, xdmf };
 
 Format format_of(const std::string& path) {
   const std::string extension = std::filesystem::path(path).extension().string();
   if (extension == ".vtu") return Format::vtu;
   if (extension == ".msh") return Format::msh;
   if (extension == ".mesh") return Format::medit;
-  throw Error(ErrorKind::usage, path + ": unknown output extension \"" + extension + "\"; use .vtu, .msh or .mesh");
+  if (extension == ".xdmf") return Format::xdmf;
+  throw Error(ErrorKind::usage,
+              path + ": unknown output extension \"" + extension + "\"; use .vtu, .msh, .mesh or .xdmf");
+}
+
+void write_xdmf(const std::string& path, const MeshSource& source, const WriteOptions& options, OutputFile& text,
+                const Execution& execution) {
+  if (source.blocks.size() != 1)
+    throw Error(ErrorKind::usage, path + ": XDMF is written for meshes of one type of cell; choose .vtu");
+  const std::string arrays = xdmf_arrays_path(path);
+  OutputFile file(arrays, options.overwrite);
+  write_xdmf_arrays(source, options.compress, arrays, file.temporary_path(), execution);
+  text.write(xdmf_text(source, std::filesystem::path(arrays).filename().string()));
+  file.commit();
 }
 
 void write_source(const std::string& path, const MeshSource& source, const WriteOptions& options,
@@ -30,6 +43,7 @@ void write_source(const std::string& path, const MeshSource& source, const Write
   if (format == Format::vtu) write_vtu(source, options.compress, file, execution);
   if (format == Format::msh) write_msh(source, file, execution);
   if (format == Format::medit) write_medit(source, file, execution);
+  if (format == Format::xdmf) write_xdmf(path, source, options, file, execution);
   file.commit();
 }
 
@@ -51,19 +65,23 @@ template <int Dim>
 MeshSource source_of(const Mesh<Dim>& mesh, const Frame<Dim>& frame, const std::vector<VertexId>& chosen) {
   MeshSource source;
   source.point_count = static_cast<std::int64_t>(chosen.empty() ? mesh.points.size() : chosen.size());
+  constexpr int kCoordinates = std::max(Dim, 3);
+  source.coordinates = kCoordinates;
   source.points = [&mesh, &chosen, frame](std::int64_t begin, std::int64_t end, double* to) {
-    for (std::int64_t i = begin; i < end; ++i, to += 3) {
+    for (std::int64_t i = begin; i < end; ++i, to += kCoordinates) {
       const Vec<Dim> w = to_world(frame, mesh.points[chosen.empty() ? i : chosen[i]]);
-      std::fill(std::copy(w.begin(), w.end(), to), to + 3, 0.0);
+      std::fill(std::copy(w.begin(), w.end(), to), to + kCoordinates, 0.0);
     }
   };
   source.mirrored = is_left_handed(frame);
   source.space = frame.space;
-  source.affine[15] = 1;
-  source.affine[10] = 1;  // of the axis that a 2D image lacks
+  constexpr int kSide = kCoordinates + 1;
+  source.affine.assign(kSide * kSide, 0.0);
+  for (int r = Dim; r < kSide; ++r)
+    source.affine[kSide * r + r] = 1;  // the axis that a 2D image lacks, and the last row
   for (int r = 0; r < Dim; ++r) {
-    for (int c = 0; c < Dim; ++c) source.affine[4 * r + c] = frame.direction[c][r] * frame.spacing[c];
-    source.affine[4 * r + 3] = frame.origin[r];
+    for (int c = 0; c < Dim; ++c) source.affine[kSide * r + c] = frame.direction[c][r] * frame.spacing[c];
+    source.affine[kSide * r + kCoordinates] = frame.origin[r];
   }
   source.outside = outside_label(mesh.labels);
   for (std::size_t m = 0; m < mesh.names.size(); ++m) {
@@ -112,7 +130,7 @@ CompactFacets compacted(const std::vector<FacetBlock>& facets, std::size_t point
 }  // namespace
 
 void check_mesh_path(const std::string& path, bool overwrite) {
-  format_of(path);
+  if (format_of(path) == Format::xdmf) const OutputFile arrays(xdmf_arrays_path(path), overwrite);
   const OutputFile probe(path, overwrite);
 }
 
@@ -126,6 +144,8 @@ std::int32_t outside_label(const std::vector<std::int32_t>& labels) {
 template <int Dim>
 void write_mesh(const std::string& path, const Mesh<Dim>& mesh, const Frame<Dim>& frame, const WriteOptions& options,
                 const Execution& execution) {
+  if (Dim == 4 && format_of(path) != Format::xdmf)
+    throw Error(ErrorKind::usage, path + ": a mesh of four dimensions is written as .xdmf; choose that extension");
   const std::vector<VertexId> all;
   MeshSource source = source_of(mesh, output_frame(frame, options.space), all);
   source.cell_dimension = Dim;
@@ -157,6 +177,7 @@ void write_interfaces(const std::string& path, const Mesh<Dim>& mesh, const std:
 
 template void write_mesh(const std::string&, const Mesh<2>&, const Frame<2>&, const WriteOptions&, const Execution&);
 template void write_mesh(const std::string&, const Mesh<3>&, const Frame<3>&, const WriteOptions&, const Execution&);
+template void write_mesh(const std::string&, const Mesh<4>&, const Frame<4>&, const WriteOptions&, const Execution&);
 template void write_interfaces(const std::string&, const Mesh<2>&, const std::vector<FacetBlock>&, const Frame<2>&,
                                const WriteOptions&, const Execution&);
 template void write_interfaces(const std::string&, const Mesh<3>&, const std::vector<FacetBlock>&, const Frame<3>&,

@@ -15,7 +15,7 @@ namespace treemarch {
 
 struct WriteOptions {
   bool overwrite = false;  ///< else an existing file is an error
-  bool compress = true;    ///< .vtu only
+  bool compress = true;    ///< .vtu and .xdmf only
   OutputSpace space = OutputSpace::file;
 };
 
@@ -23,8 +23,9 @@ struct WriteOptions {
 /// \throw Error(usage) for an unknown extension, Error(output) for a place that cannot be written.
 void check_mesh_path(const std::string& path, bool overwrite);
 
-/// Writes a mesh in the format of the extension: .vtu (VTK), .msh (Gmsh 4.1, binary) or .mesh (Medit, text). Files are
-/// whole or absent, and the same for any number of threads.
+/// Writes a mesh in the format of the extension: .vtu (VTK), .msh (Gmsh 4.1, binary), .mesh (Medit, text) or .xdmf
+/// (XDMF 3 with its arrays in an .h5 beside it; cells of one type; the only one for four dimensions). Files are whole
+/// or absent, and the same for any number of threads.
 ///
 /// Points are in the world of `frame` (or another OutputSpace), in double precision. Where that is left-handed, two
 /// vertices of each cell are swapped, so that cells stay positive. Each cell carries the image's own label: cell array

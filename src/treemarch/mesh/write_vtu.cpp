@@ -144,7 +144,7 @@ std::string field_data(const MeshSource& mesh) {
   for (const std::string& n : mesh.names) names += n + '\n';  // each line ends, so that the last may be empty
   std::string text = "    <FieldData>\n";
   text += text_field("space", mesh.space);
-  text += field("Float64", "affine", 16, mesh.affine);
+  text += field("Float64", "affine", std::ssize(mesh.affine), mesh.affine);
   text += field("Int32", "outside_label", 1, std::vector{mesh.outside});
   if (!mesh.names.empty()) {
     text += field("Int32", "label_values", 1, mesh.labels);

@@ -72,5 +72,6 @@ void drop_material(Mesh<Dim>& mesh, MaterialId material, Execution& execution) {
 
 template void drop_material(Mesh<2>&, MaterialId, Execution&);
 template void drop_material(Mesh<3>&, MaterialId, Execution&);
+template void drop_material(Mesh<4>&, MaterialId, Execution&);
 
 }  // namespace treemarch

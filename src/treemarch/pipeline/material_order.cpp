@@ -41,5 +41,6 @@ std::vector<MaterialId> material_order(const LabelImage<Dim>& image, MaterialOrd
 
 template std::vector<MaterialId> material_order(const LabelImage<2>&, MaterialOrder, const std::vector<MaterialId>&);
 template std::vector<MaterialId> material_order(const LabelImage<3>&, MaterialOrder, const std::vector<MaterialId>&);
+template std::vector<MaterialId> material_order(const LabelImage<4>&, MaterialOrder, const std::vector<MaterialId>&);
 
 }  // namespace treemarch

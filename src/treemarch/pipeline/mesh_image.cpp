@@ -61,6 +61,8 @@ MeshResult<Dim> mesh_image(const LabelImage<Dim>& image, const MeshOptions& opti
   const auto start = std::chrono::steady_clock::now();
   check_sizes(options.sizes);
   (void)parse_pattern<Dim>(options.pattern);
+  if (Dim == 4 && options.method != Method::paper)
+    throw Error(ErrorKind::usage, "--space-time: four dimensions need --method paper");
   if (options.method == Method::guaranteed)
     check_guaranteed(options);
   else
@@ -68,11 +70,14 @@ MeshResult<Dim> mesh_image(const LabelImage<Dim>& image, const MeshOptions& opti
 
   MeshResult<Dim> result;
   if (options.method != Method::guaranteed) {
-    result.mesh = options.method == Method::paper ? mesh_by_paper(image, grey, options, execution)
-                                                  : mesh_by_reference(image, grey, options, execution);
+    if constexpr (Dim == 4)
+      result.mesh = mesh_space_time(image, options, execution);
+    else
+      result.mesh = options.method == Method::paper ? mesh_by_paper(image, grey, options, execution)
+                                                    : mesh_by_reference(image, grey, options, execution);
     const MaterialId background = material_of(image.labels, options.background);
     if (!options.keep_background && background != kOutside) drop_material(result.mesh, background, execution);
-  } else {
+  } else if constexpr (Dim < 4) {
     result.guarantee.emplace();
     result.mesh = mesh_with_guarantee(image, grey, options, *result.guarantee, execution);
   }
@@ -84,5 +89,6 @@ MeshResult<Dim> mesh_image(const LabelImage<Dim>& image, const MeshOptions& opti
 
 template MeshResult<2> mesh_image(const LabelImage<2>&, const MeshOptions&, Execution&, const GreyInput<2>*);
 template MeshResult<3> mesh_image(const LabelImage<3>&, const MeshOptions&, Execution&, const GreyInput<3>*);
+template MeshResult<4> mesh_image(const LabelImage<4>&, const MeshOptions&, Execution&, const GreyInput<4>*);
 
 }  // namespace treemarch

@@ -79,9 +79,9 @@ struct MeshResult {
   double seconds = 0;  ///< from the image in memory to the mesh in memory
 };
 
-/// Meshes an image. The times of the stages are in `execution`.
-/// \param grey puts the end of the foreground where a grey value meets a threshold; may be null.
-/// \throw Error(usage) for options that contradict each other or the image; Error(limits) for too large a mesh.
+/// Meshes an image; one of four dimensions (space and time) by Method::paper only. The times of the stages are in
+/// `execution`. \param grey puts the end of the foreground where a grey value meets a threshold; may be null. \throw
+/// Error(usage) for options that contradict each other or the image; Error(limits) for too large a mesh.
 template <int Dim>
 MeshResult<Dim> mesh_image(const LabelImage<Dim>& image, const MeshOptions& options, Execution& execution,
                            const GreyInput<Dim>* grey = nullptr);

@@ -19,6 +19,10 @@ template <int Dim>
 Mesh<Dim> mesh_by_reference(const LabelImage<Dim>& image, const GreyInput<Dim>* grey, const MeshOptions& options,
                             Execution& execution);
 
+/// Space and time (docs/stages/space-time.md): the paper's method as far as it goes in four dimensions. Meshes the
+/// background too. \throw Error(usage) for what is not done there.
+Mesh<4> mesh_space_time(const LabelImage<4>& image, const MeshOptions& options, Execution& execution);
+
 /// The method with bounded angles (docs/stages/cut.md). Leaves the background out unless it is to be kept.
 template <int Dim>
 Mesh<Dim> mesh_with_guarantee(const LabelImage<Dim>& image, const GreyInput<Dim>* grey, const MeshOptions& options,

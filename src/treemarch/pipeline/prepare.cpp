@@ -171,5 +171,6 @@ template GreyImage<2> crop_image(GreyImage<2>, const std::string&);
 template GreyImage<3> crop_image(GreyImage<3>, const std::string&);
 template LabelImage<2> prepare_image(LabelImage<2>, const PrepareOptions&, Execution&);
 template LabelImage<3> prepare_image(LabelImage<3>, const PrepareOptions&, Execution&);
+template LabelImage<4> prepare_image(LabelImage<4>, const PrepareOptions&, Execution&);
 
 }  // namespace treemarch

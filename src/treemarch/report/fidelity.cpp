@@ -256,15 +256,20 @@ Fidelity measure_fidelity(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, s
     at->volume += in_mesh.volume;
     at->components += in_mesh.components;
   }
-  fidelity.interfaces = measure_interfaces(image, mesh, to_image, background, components.border(), execution);
-  const std::vector<ComponentFate> fates = component_fates(image, map, mesh, components, to_image, execution);
-  fidelity.topology = report_topology<Dim>({image, mesh, map, components, fates}, background, min_component, execution);
+  if constexpr (Dim < 4) {
+    fidelity.interfaces = measure_interfaces(image, mesh, to_image, background, components.border(), execution);
+    const std::vector<ComponentFate> fates = component_fates(image, map, mesh, components, to_image, execution);
+    fidelity.topology =
+        report_topology<Dim>({image, mesh, map, components, fates}, background, min_component, execution);
+  }
   return fidelity;
 }
 
 template Fidelity measure_labels(const Mesh<2>&, const Execution&);
 template Fidelity measure_labels(const Mesh<3>&, const Execution&);
+template Fidelity measure_labels(const Mesh<4>&, const Execution&);
 template Fidelity measure_fidelity(const LabelImage<2>&, const Mesh<2>&, std::int32_t, const Execution&, std::int64_t);
 template Fidelity measure_fidelity(const LabelImage<3>&, const Mesh<3>&, std::int32_t, const Execution&, std::int64_t);
+template Fidelity measure_fidelity(const LabelImage<4>&, const Mesh<4>&, std::int32_t, const Execution&, std::int64_t);
 
 }  // namespace treemarch

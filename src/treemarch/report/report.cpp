@@ -27,6 +27,7 @@ Json label_json(const LabelFidelity& l) {
 Json quality_json(const Report& report) {
   const MeshQuality& quality = report.quality;
   const bool flat = report.dimension == 2;
+  if (quality.angles == DegreeRange{}) return nullptr;
   Json json{{flat ? "min_angle" : "min_dihedral", quality.angles.min},
             {flat ? "max_angle" : "max_dihedral", quality.angles.max},
             {"mean_smallest", quality.mean_smallest},
@@ -191,5 +192,6 @@ std::string to_json(const Report& report) {
 
 template void describe_mesh(const Mesh<2>&, Report&);
 template void describe_mesh(const Mesh<3>&, Report&);
+template void describe_mesh(const Mesh<4>&, Report&);
 
 }  // namespace treemarch

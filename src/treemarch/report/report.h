@@ -28,7 +28,7 @@ struct Report {
   std::vector<std::pair<std::string, std::string>> options;  ///< those that made the mesh, in the order of the program
   std::int64_t points = 0;
   std::vector<std::pair<CellType, std::int64_t>> cells;  ///< number by type, types that occur only
-  MeshQuality quality;
+  MeshQuality quality;                                   ///< without cells where it was not measured
   Fidelity fidelity;
   std::optional<GuaranteeReport> guarantee;   ///< of the default method
   std::optional<MeshDefects> defects;         ///< where the mesh was examined

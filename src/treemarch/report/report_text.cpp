@@ -143,8 +143,9 @@ std::string fidelity_line(const Fidelity& fidelity) {
 std::string to_text(const Report& report, ReportLength length) {
   std::string text = std::to_string(report.points) + " points";
   for (const auto& [type, count] : report.cells) text += ", " + std::to_string(count) + " " + name(type) + " cells";
-  text += format(report.dimension == 2 ? "\nangles %.2f to %.2f degrees" : "\ndihedral angles %.2f to %.2f degrees",
-                 report.quality.angles.min, report.quality.angles.max);
+  if (report.quality.angles != DegreeRange{})
+    text += format(report.dimension == 2 ? "\nangles %.2f to %.2f degrees" : "\ndihedral angles %.2f to %.2f degrees",
+                   report.quality.angles.min, report.quality.angles.max);
   if (report.guarantee && report.guarantee->improve.below_after > 0)
     text += "\n" + std::to_string(report.guarantee->improve.below_after) +
             " elements stay below the quality asked for (" + std::string(name_of(report.guarantee->improve.stopped)) +

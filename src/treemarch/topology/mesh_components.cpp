@@ -123,5 +123,6 @@ std::vector<std::int64_t> MeshComponents<Dim>::count() const {
 
 template class MeshComponents<2>;
 template class MeshComponents<3>;
+template class MeshComponents<4>;
 
 }  // namespace treemarch

@@ -54,6 +54,8 @@ void for_each_simplex(const Mesh<Dim>& mesh, const CellBlock& block, std::int64_
   if constexpr (Dim == 2) {
     call({0, 1, 2});
     if (block.type == CellType::quad) call({0, 2, 3});
+  } else if constexpr (Dim == 4) {
+    call({0, 1, 2, 3, 4});
   } else {
     switch (block.type) {
       case CellType::tetrahedron:

@@ -1,0 +1,44 @@
+#include "treemarch/core/error.h"
+#include "treemarch/march/linear_shares.h"
+#include "treemarch/march/paper_march.h"
+#include "treemarch/pipeline/material_order.h"
+#include "treemarch/pipeline/methods.h"
+#include "treemarch/sizing/assign_materials.h"
+#include "treemarch/sizing/lattice.h"
+#include "treemarch/sizing/sizing.h"
+#include "treemarch/tessellate/midpoint.h"
+
+namespace treemarch {
+namespace {
+
+void check(const MeshOptions& options) {
+  const auto refuse = [](const char* what) {
+    throw Error(ErrorKind::usage, std::string(what) + " in four dimensions; leave it out");
+  };
+  if (options.smooth) refuse("--smooth: is not done");
+  if (options.field) refuse("--field: cannot be chosen");
+  if (options.elements != Elements::simplices) refuse("--elements: must be tet (pentatopes)");
+}
+
+}  // namespace
+
+Mesh<4> mesh_space_time(const LabelImage<4>& image, const MeshOptions& options, Execution& execution) {
+  check(options);
+  const SizedLattice<4> sized = choose_lattice(image, parse_pattern<4>(options.pattern), options.sizes, execution);
+  Spacetree<4> tree =
+      build_spacetree<4>(sized.lattice, sized.pattern, required_levels(image, sized, options.sizes, execution),
+                         options.balance, execution);
+  assign_materials(tree, image, options.weights, execution);
+  Mesh<4> mesh = tessellate_midpoint(tree, {}, execution);
+  tree = {};
+  mesh.labels = image.labels;
+  mesh.names = image.names;
+  PaperMarchOptions<4> march;
+  march.order = material_order(image, options.order, options.first);
+  march.field = linear_shares(image);
+  if (options.snap) march.snap = *options.snap;
+  march_materials(mesh, march, execution);
+  return mesh;
+}
+
+}  // namespace treemarch
