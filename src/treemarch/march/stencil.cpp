@@ -93,6 +93,18 @@ const Stencil<Dim>& stencil(unsigned pattern) {
   return table[pattern];
 }
 
+namespace {
+
+template <int Dim>
+std::array<Vec<Dim>, Dim + 1> corners_of(const std::array<std::uint8_t, Dim + 1>& piece,
+                                         const std::array<Vec<Dim>, StencilTopology<Dim>::kPoints>& points) {
+  std::array<Vec<Dim>, Dim + 1> p;
+  for (int k = 0; k <= Dim; ++k) p[k] = points[piece[k]];
+  return p;
+}
+
+}  // namespace
+
 template <int Dim>
 StencilChoice best_choice(const Stencil<Dim>& stencil,
                           const std::array<Vec<Dim>, StencilTopology<Dim>::kPoints>& points, bool inner,
@@ -102,16 +114,17 @@ StencilChoice best_choice(const Stencil<Dim>& stencil,
   QualityBound to_beat(0);
   for (std::size_t c = 0; c < stencil.choices.size(); ++c) {
     if (!inner && stencil.apex[c] == StencilTopology<Dim>::kInner) continue;
-    AngleRange range;
+    // Most choices lose, and that can be told without roots.
+    const SquaredQualityBound needed(to_beat);
     bool better = true;
     for (const auto& piece : stencil.choices[c]) {
-      std::array<Vec<Dim>, Dim + 1> p;
-      for (int k = 0; k <= Dim; ++k) p[k] = points[piece[k]];
-      range.merge(angle_range<Dim>(p));
-      better = range.high < to_beat.high && range.low > to_beat.low;
+      better = best.choice < 0 || meets(corners_of<Dim>(piece, points), needed);
       if (!better) break;
     }
     if (!better) continue;
+    AngleRange range;
+    for (const auto& piece : stencil.choices[c]) range.merge(angle_range<Dim>(corners_of<Dim>(piece, points)));
+    if (!(range.high < to_beat.high && range.low > to_beat.low)) continue;
     best = {static_cast<int>(c), range};
     if (meets(range, enough)) break;
     to_beat = QualityBound(quality(range) + kBetter);

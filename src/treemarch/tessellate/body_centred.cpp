@@ -87,17 +87,20 @@ void find_vertices_of_finest(const SimplexLattice<Dim>& lattice, const Leaf<Dim>
 template <int Dim>
 void find_vertices_of_coarse(const SimplexLattice<Dim>& lattice, const Leaf<Dim>& leaf, std::int32_t side,
                              LeafStar<Dim>& star) {
+  // All its points are even.
   const auto& points = lattice.points;
+  const auto contains = [&](const Coord<Dim>& half) { return points.bits().contains(points.even_key_of(half)); };
+  const auto id = [&](const Coord<Dim>& half) { return points.bits().rank(points.even_key_of(half)); };
   const Coord<Dim> centre = centre_of(leaf, side);
-  star.centre = points.id(centre);
-  for (int c = 0; c < LeafStar<Dim>::kCorners; ++c) star.corner[c] = points.id(corner_of(centre, side, c));
+  star.centre = id(centre);
+  for (int c = 0; c < LeafStar<Dim>::kCorners; ++c) star.corner[c] = id(corner_of(centre, side, c));
   for (int a = 0; a < LeafStar<Dim>::kCorners; ++a)
     for (int d = 0; d < Dim; ++d) {
       const int b = a | 1 << d;
       if (a == b) continue;
       const Coord<Dim> middle = shifted(corner_of(centre, side, a), d, side);
-      const bool halved = points.contains(middle);
-      star.middle[LeafStar<Dim>::edge_between(a, b)] = halved ? points.id(middle) : LeafStar<Dim>::kNone;
+      const bool halved = contains(middle);
+      star.middle[LeafStar<Dim>::edge_between(a, b)] = halved ? id(middle) : LeafStar<Dim>::kNone;
       star.hanging |= halved;
     }
   if constexpr (Dim == 3) {
@@ -106,18 +109,18 @@ void find_vertices_of_coarse(const SimplexLattice<Dim>& lattice, const Leaf<Dim>
         VertexId& across = star.across[2 * axis + up];
         const Coord<Dim> on_face = shifted(centre, axis, up ? side : -side);
         if (on_face[axis] == 0 || on_face[axis] == lattice.extent[axis]) {
-          across = points.id(on_face);
+          across = id(on_face);
           continue;
         }
-        if (points.contains(on_face)) continue;
+        if (contains(on_face)) continue;
         const Coord<Dim> beyond = shifted(on_face, axis, up ? side : -side);
-        if (points.contains(beyond)) {
-          if (up) across = points.id(beyond);
+        if (contains(beyond)) {
+          if (up) across = id(beyond);
           continue;
         }
         Coord<Dim> larger{};
         for (int d = 0; d < Dim; ++d) larger[d] = beyond[d] / (4 * side) * (4 * side) + 2 * side;
-        across = points.id(larger);
+        across = id(larger);
         star.split |= 1U << (2 * axis + up);
       }
   }

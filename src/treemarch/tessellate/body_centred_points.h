@@ -33,6 +33,12 @@ class BodyCentredPoints {
 
   /// Place in bits() of the even point (2 c) and of the odd one (2 c + 1); neighbours along axis d are stride apart.
   [[nodiscard]] std::int64_t even_key(const Coord<Dim>& c) const { return linear_index(c, even_extent_); }
+  /// The same of an even point in half sides.
+  [[nodiscard]] std::int64_t even_key_of(const Coord<Dim>& half) const {
+    std::int64_t key = 0;
+    for (int d = 0; d < Dim; ++d) key += even_stride_[d] * (half[d] >> 1);
+    return key;
+  }
   [[nodiscard]] std::int64_t odd_key(const Coord<Dim>& c) const { return first_odd_ + linear_index(c, cells_); }
   [[nodiscard]] std::int64_t even_stride(int axis) const { return even_stride_[axis]; }
   [[nodiscard]] std::int64_t odd_stride(int axis) const { return odd_stride_[axis]; }
