@@ -15,6 +15,7 @@
 #include "treemarch/mesh/picture.h"
 #include "treemarch/mesh/quality.h"
 #include "treemarch/mesh/write_mesh.h"
+#include "treemarch/pipeline/clean_up.h"
 #include "treemarch/pipeline/mesh_image.h"
 #include "treemarch/pipeline/prepare.h"
 #include "treemarch/report/estimate.h"
@@ -28,6 +29,7 @@ struct MeshCommandOptions {
   std::string image, grey, output, interfaces, picture, report;
   ImageOptions reading;
   PrepareOptions prepare;
+  CleanUpOptions clean;
   MeshTextOptions mesh;
   OutputSpace space = OutputSpace::file;
   bool compress = true, force = false, json = false, quiet = false, strict = false;
@@ -65,6 +67,8 @@ void check_space_time(const MeshCommandOptions& options) {
   if (!options.interfaces.empty()) refuse("--interfaces");
   if (!options.picture.empty()) refuse("--picture");
   if (!options.grey.empty()) refuse("--grey");
+  if (options.strict) refuse("--strict");
+  if (options.mesh.plain.preserve_volume) refuse("--preserve-volume");
 }
 
 /// The grey image that places the end of the foreground: the one beside the labels, or that of which labels were made.
@@ -164,7 +168,10 @@ void run(const MeshCommandOptions& options, const std::vector<std::pair<std::str
     PrepareOptions prepare = options.prepare;
     prepare.background = options.mesh.plain.background;
     if constexpr (Dim == 4) check_space_time(options);
-    const LabelImage<Dim> image = prepare_image(std::move(read), prepare, execution);
+    LabelImage<Dim> image = prepare_image(std::move(read), prepare, execution);
+    CleanUpOptions clean = options.clean;
+    clean.background = prepare.background;
+    const CleanUpReport cleaned = clean_up(image, clean, execution);
     const MeshOptions mesh_options = resolve(options.mesh, image);
     std::optional<GreyInput<Dim>> grey;
     if constexpr (Dim < 4) {
@@ -175,6 +182,7 @@ void run(const MeshCommandOptions& options, const std::vector<std::pair<std::str
     if (result.mesh.cell_count() == 0)
       throw Error(ErrorKind::limits, options.image + ": the mesh has no cells; choose a smaller --min-size");
     Report report = make_report(options, given, image, result, execution);
+    if (clean.remove_islands > 0 || clean.fill_holes > 0) report.clean_up = cleaned;
     if (options.strict) require_topology(report, options.image);
     write_all(options, image, result.mesh, execution);
     report.seconds = execution.stage_times();
@@ -222,11 +230,16 @@ void add_output_options(CLI::App& mesh, MeshCommandOptions& o) {
                   "Refuse what is estimated to need more, as 12GB; default: what the machine has left");
 }
 
-void add_selection_options(CLI::App& mesh, PrepareOptions& o) {
+void add_selection_options(CLI::App& mesh, PrepareOptions& o, CleanUpOptions& clean) {
   add_list(mesh, "--keep", o.keep, "Labels to keep, as 1,4-7,liver; the others become background");
   add_list(mesh, "--drop", o.drop, "Labels that become background");
   add_list(mesh, "--merge", o.merge, "Labels that become one: 2-6=brain, 3,4=3");
   mesh.add_option("--roi", o.roi, "Part of the image in voxels from 0, upper ends excluded: 0:64,0:64,10:20");
+  mesh.add_option("--remove-islands", clean.remove_islands,
+                  "Give parts of labels with fewer voxels than this to what is around them, but the largest of a label")
+      ->check(CLI::NonNegativeNumber);
+  mesh.add_option("--fill-holes", clean.fill_holes, "Fill enclosed parts of the background with fewer voxels than this")
+      ->check(CLI::NonNegativeNumber);
 }
 
 }  // namespace
@@ -241,7 +254,7 @@ void add_mesh_command(CLI::App& app, Command& command) {
   add_image_options(*mesh, options->reading);
   add_space_time_options(*mesh, options->reading);
   mesh->add_option("--grey", options->grey, "Grey image beside the labels: the foreground ends at its --threshold");
-  add_selection_options(*mesh, options->prepare);
+  add_selection_options(*mesh, options->prepare, options->clean);
   add_mesh_options(*mesh, options->mesh);
   mesh->add_flag("--dump-config", *dump, "Print all options as a file for --config and end")->configurable(false);
   mesh->callback([=, &command] {

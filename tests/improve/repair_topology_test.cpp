@@ -8,7 +8,6 @@
 #include "treemarch/mesh/validate.h"
 #include "treemarch/pipeline/mesh_image.h"
 #include "treemarch/topology/component_fates.h"
-#include "treemarch/topology/pinches.h"
 
 namespace treemarch {
 namespace {
@@ -39,7 +38,7 @@ std::int64_t broken_components(const LabelImage<Dim>& image, const Mesh<Dim>& me
 
 template <int Dim>
 std::size_t pinches(const Mesh<Dim>& mesh) {
-  return find_mesh_pinches(mesh, std::vector<std::uint8_t>(mesh.points.size(), 1), Execution(2)).size();
+  return MeshComponents<Dim>(mesh, Execution(2)).pinches().size();
 }
 
 TEST(repair_topology, noise_has_manifold_boundaries_and_whole_components) {

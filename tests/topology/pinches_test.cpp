@@ -6,6 +6,7 @@
 
 #include "support/images.h"
 #include "support/voxel_mesh.h"
+#include "treemarch/topology/mesh_components.h"
 
 namespace treemarch {
 namespace {
@@ -14,10 +15,10 @@ namespace {
 template <int Dim>
 void expect_as_in_image(const LabelImage<Dim>& image) {
   const Mesh<Dim> mesh = testing::voxel_mesh(image);  // its vertices are the corners of the voxels
-  const std::vector<std::uint8_t> all(mesh.points.size(), 1);
   std::set<std::pair<std::int64_t, MaterialId>> in_image, in_mesh;
   for (const ImagePinch& p : find_image_pinches(image, Execution(3))) in_image.emplace(p.corner, p.material);
-  for (const MeshPinch& p : find_mesh_pinches(mesh, all, Execution(3))) in_mesh.emplace(p.vertex, p.material);
+  const MeshComponents<Dim> components(mesh, Execution(3));
+  for (const MeshPinch& p : components.pinches()) in_mesh.emplace(p.vertex, p.material);
   EXPECT_EQ(in_image, in_mesh);
 }
 
@@ -54,8 +55,8 @@ TEST(pinches, are_found_along_edges_in_points_and_between_nothing_else) {
 TEST(pinches, do_not_depend_on_the_number_of_threads) {
   const auto image = testing::noise_image<3>({21, 18, 17}, 3, 4);
   const Mesh<3> mesh = testing::voxel_mesh(image);
-  const std::vector<std::uint8_t> all(mesh.points.size(), 1);
-  const auto one = find_mesh_pinches(mesh, all, Execution(1)), many = find_mesh_pinches(mesh, all, Execution(7));
+  const std::vector<MeshPinch> one = MeshComponents<3>(mesh, Execution(1)).pinches(),
+                               many = MeshComponents<3>(mesh, Execution(7)).pinches();
   ASSERT_EQ(one.size(), many.size());
   for (std::size_t i = 0; i < one.size(); ++i) {
     EXPECT_EQ(one[i].vertex, many[i].vertex);

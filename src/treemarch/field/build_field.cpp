@@ -82,7 +82,7 @@ GreyRule grey_rule(const LabelImage<Dim>& image, const GreyImage<Dim>& grey, dou
 
 template <int Dim>
 Field<Dim> build(const LabelImage<Dim>& image, FieldKind kind, const IndicatorFilter& filter, const GreyRule& grey,
-                 bool thin, Execution& execution) {
+                 bool thin, const std::vector<float>& scale, Execution& execution) {
   VoxelLists<Dim> lists;
   lists.extent = image.extent;
   Coord<Dim> blocks{};
@@ -101,6 +101,8 @@ Field<Dim> build(const LabelImage<Dim>& image, FieldKind kind, const IndicatorFi
       builder.build(coord_of(b, blocks), static_cast<std::uint32_t>(b), lists, thin ? flagged.data() : nullptr);
   });
   if (thin) keep_thin(image, flagged, lists, execution);
+  if (!scale.empty())
+    parallel_for(execution, std::ssize(lists.refs), 256, [&](std::int64_t b) { lists.rescale(lists.refs[b], scale); });
   return Field<Dim>(kind, image.frame.spacing, make_bricks(lists, execution));
 }
 
@@ -112,7 +114,7 @@ Field<Dim> build_field(const LabelImage<Dim>& image, const FieldOptions& options
     throw Error(ErrorKind::usage, "--field grey: needs grey values; give --grey FILE and --threshold T");
   const Execution::Stage stage(execution, "field");
   const IndicatorFilter filter = make_filter<Dim>(options.kind, options.sigma);
-  return build(image, options.kind, filter, GreyRule{}, options.keep_thin && !filter.none(), execution);
+  return build(image, options.kind, filter, GreyRule{}, options.keep_thin && !filter.none(), options.scale, execution);
 }
 
 template <int Dim>
@@ -123,7 +125,7 @@ Field<Dim> build_grey_field(const LabelImage<Dim>& image, const GreyImage<Dim>& 
   const Execution::Stage stage(execution, "field");
   const IndicatorFilter filter = make_filter<Dim>(FieldKind::dgf, options.sigma);
   const GreyRule rule = grey_rule(image, grey, threshold, options.background, execution);
-  return build(image, FieldKind::grey, filter, rule, options.keep_thin, execution);
+  return build(image, FieldKind::grey, filter, rule, options.keep_thin, {}, execution);
 }
 
 template Field<2> build_field(const LabelImage<2>&, const FieldOptions&, Execution&);

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <span>
+#include <vector>
 
 #include "treemarch/core/execution.h"
 #include "treemarch/core/vec.h"
@@ -31,6 +32,9 @@ struct FieldOptions {
   double sigma = kDefaultSigma;  ///< of gauss and dgf, in voxels along each axis; 0.25 to 4
   bool keep_thin = true;         ///< sheets, wires and grains too thin for the field keep their raw indicator
   std::int32_t background = 0;   ///< label value that a grey value tells from all others
+  /// Factor of the weight of each material, 0.5 to 2, or empty for 1: a larger one makes the material grow. Not of
+  /// solid_angle and grey.
+  std::vector<float> scale;
 };
 
 struct LabelWeight {

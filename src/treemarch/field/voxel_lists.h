@@ -2,6 +2,7 @@
 /// Label weights at voxel centres while a field is being built.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -67,6 +68,18 @@ struct VoxelLists {
     for (std::uint32_t i = first; i < last; ++i) {
       std::uint32_t& word = brick[kHeader + i];
       word = (word & 0xffff0000U) | (i == first ? weight : 0U);
+    }
+  }
+
+  /// Multiplies the weights of a brick by the factors of their materials, up to the largest weight there is.
+  void rescale(std::uint64_t ref, const std::vector<float>& factor) {
+    if (ref & kUniform) return;
+    const std::uint32_t* palette = chunks[ref >> 32].data();
+    std::uint32_t* brick = chunks[ref >> 32].data() + static_cast<std::uint32_t>(ref);
+    for (std::uint32_t i = 0; i < offset(brick, kVoxels); ++i) {
+      std::uint32_t& word = brick[kHeader + i];
+      const float weight = static_cast<float>(word & 0xffffU) * factor[palette[word >> 16]];
+      word = (word & 0xffff0000U) | static_cast<std::uint32_t>(std::min(65535.0F, weight + 0.5F));
     }
   }
 

@@ -10,7 +10,6 @@
 #include "treemarch/improve/patch.h"
 #include "treemarch/improve/unpinch.h"
 #include "treemarch/topology/component_fates.h"
-#include "treemarch/topology/pinches.h"
 
 namespace treemarch {
 namespace {
@@ -58,15 +57,20 @@ class Repairer {
   }
 
   RepairReport run() {
-    for (report_.rounds = 0;; ++report_.rounds) {
+    while (true) {
       const MeshComponents<Dim> components(mesh_, execution_);
-      const std::vector<MeshPinch> pinches = find_mesh_pinches(mesh_, components.border(), execution_);
-      report_.pinches_after = std::ssize(pinches);
-      if (report_.rounds == 0) report_.pinches_before = report_.pinches_after;
-      const std::vector<ComponentFate> fates = component_fates(image_, map_, mesh_, components, to_image_, execution_);
-      const BrokenComponents<Dim> broken = find_broken(image_, map_, required_, mesh_, components, fates, execution_);
+      const std::vector<MeshPinch>& pinches = components.pinches();
+      std::int64_t sheets = 0;
+      for (const MeshPinch& p : pinches) sheets += p.sheets;
+      if (report_.rounds == 0) report_.pinches_before = sheets;
+      report_.pinches_after = sheets;
+      const BrokenComponents<Dim> broken =
+          find_broken(image_, map_, required_, mesh_, components,
+                      component_fates(image_, map_, mesh_, components, to_image_, execution_), execution_);
       if ((pinches.empty() && broken.empty()) || report_.rounds == options_.rounds) return report_;
-      if (!mend(broken, pinches)) return report_;
+      ++report_.rounds;
+      // What was done to pinches disconnects nothing; a way that joins two parts may.
+      if (!mend(broken, pinches) || broken.empty()) return report_;
     }
   }
 
@@ -109,7 +113,10 @@ class Repairer {
     std::ranges::sort(pinched);
     pinched.erase(std::ranges::unique(pinched).begin(), pinched.end());
     std::erase_if(pinched, [&](VertexId v) { return !patch.has_star(v); });
-    const std::int64_t relabelled = Unpincher<Dim>(patch, mesh_, image_).run(pinched) + std::ssize(changed);
+    Unpincher<Dim> unpincher(patch, mesh_, image_);
+    unpincher.run(std::move(pinched));
+    report_.pinches_after = unpincher.left();
+    const std::int64_t relabelled = unpincher.relabelled() + std::ssize(changed);
     report_.relabelled_cells += relabelled;
     return relabelled > 0;
   }

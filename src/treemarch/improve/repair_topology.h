@@ -18,7 +18,7 @@ struct RepairOptions {
 
 struct RepairReport {
   int rounds = 0;
-  std::int64_t pinches_before = 0, pinches_after = 0;  ///< pairs of a vertex and a material that touches itself there
+  std::int64_t pinches_before = 0, pinches_after = 0;  ///< sheets of boundaries at vertices beyond one a material
   std::int64_t restored = 0;                           ///< components that had no cell
   std::int64_t bridged = 0;                            ///< parts of components that were joined to the rest
   std::int64_t relabelled_cells = 0;

@@ -211,6 +211,10 @@ bool Unpincher<Dim>::apply_best() {
     if (!keeps_connection(move)) continue;
     relabel(move.cells, move.to);
     relabelled_ += std::ssize(move.cells);
+    touched_.clear();
+    for (const CellId c : move.cells) add_vertices<Dim>(patch_.cell(c), touched_);
+    for (const VertexId v : touched_)
+      if (excess(v) > 0) pinched_.push_back(v);
     return true;
   }
   return false;
@@ -229,19 +233,23 @@ bool Unpincher<Dim>::treat(VertexId v) {
 }
 
 template <int Dim>
-std::int64_t Unpincher<Dim>::run(std::vector<VertexId> vertices) {
-  relabelled_ = 0;
-  for (int pass = 0; pass < kPasses; ++pass) {
+void Unpincher<Dim>::run(std::vector<VertexId> vertices) {
+  for (int pass = 0; pass < kPasses && !vertices.empty(); ++pass) {
     bool any = false;
+    pinched_.clear();
     std::vector<VertexId> left;
     for (const VertexId v : vertices) {
       while (excess(v) > 0 && treat(v)) any = true;
       if (excess(v) > 0) left.push_back(v);
     }
+    left.insert(left.end(), pinched_.begin(), pinched_.end());
+    std::ranges::sort(left);
+    left.erase(std::ranges::unique(left).begin(), left.end());
     vertices = std::move(left);
-    if (!any || vertices.empty()) break;
+    if (!any) break;
   }
-  return relabelled_;
+  left_ = 0;
+  for (const VertexId v : vertices) left_ += excess(v);
 }
 
 template class Unpincher<2>;

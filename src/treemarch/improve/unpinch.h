@@ -20,9 +20,11 @@ class Unpincher {
   Unpincher(Patch<Dim>& patch, const Mesh<Dim>& mesh, const LabelImage<Dim>& image)
       : patch_(patch), mesh_(mesh), image_(image) {}
 
-  /// Treats the vertices in their order, again and again while that helps.
-  /// \return number of cells that were relabelled
-  std::int64_t run(std::vector<VertexId> vertices);
+  /// Treats the vertices in their order, and those that are pinched by a move, again and again while that helps.
+  void run(std::vector<VertexId> vertices);
+  [[nodiscard]] std::int64_t relabelled() const { return relabelled_; }
+  /// Sheets that are left.
+  [[nodiscard]] std::int64_t left() const { return left_; }
   /// Sheets of boundaries at a vertex beyond one a material.
   int excess(VertexId v);
 
@@ -59,7 +61,8 @@ class Unpincher {
   int parts_ = 0;
   std::vector<Move> moves_;
   std::vector<VertexId> touched_;
-  std::int64_t relabelled_ = 0;
+  std::vector<VertexId> pinched_;  // by moves
+  std::int64_t relabelled_ = 0, left_ = 0;
 };
 
 }  // namespace treemarch

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include "treemarch/core/error.h"
@@ -15,6 +16,7 @@
 #include "treemarch/pipeline/make_field.h"
 #include "treemarch/pipeline/methods.h"
 #include "treemarch/pipeline/prepare.h"
+#include "treemarch/pipeline/preserve_volume.h"
 #include "treemarch/sizing/cubic_lattice.h"
 #include "treemarch/sizing/default_sizes.h"
 #include "treemarch/sizing/sizing.h"
@@ -102,6 +104,52 @@ double quality_floor(const Lattice<Dim>& lattice, double asked, Execution& execu
   return proved;
 }
 
+/// What the stages after the lattice need to know.
+template <int Dim>
+struct Shaping {
+  const LabelImage<Dim>& image;
+  const MeshOptions& options;
+  MaterialId left_out;  ///< the background where it is not part of the mesh, else kOutside
+  bool coarse;          ///< whether facets are so large that they need to be fitted
+  bool cubic;           ///< whether cells are cubes up to kMostStretch
+};
+
+/// From a lattice and a field to the mesh.
+template <int Dim>
+Mesh<Dim> shape_mesh(const Shaping<Dim>& how, SimplexLattice<Dim>& lattice, bool last, const Field<Dim>& field,
+                     GuaranteeReport& report, Execution& execution) {
+  std::optional<Execution::Stage> stage;
+  stage.emplace(execution, "cut");
+  CutOptions cut;
+  cut.quality_floor = report.quality_floor;
+  Mesh<Dim> mesh = cut_lattice(lattice, field, how.image.labels, cut, report.cut, execution);
+  if (last) lattice = {};
+
+  stage.emplace(execution, "topology");
+  RepairOptions repair;
+  repair.min_component = how.options.min_component;
+  repair.left_out = how.left_out;
+  report.repair = repair_topology(mesh, how.image, repair, execution);
+  std::int64_t far_cells = report.cut.far_cells;
+  if (how.left_out != kOutside) {
+    const auto materials = mesh.blocks[0].materials.begin();
+    far_cells -= std::count(materials, materials + far_cells, how.left_out);
+    drop_material(mesh, how.left_out, execution);
+  }
+
+  stage.emplace(execution, "improve");
+  ImproveOptions improvement;
+  improvement.quality = how.options.quality;
+  if (how.cubic && improvement.quality <= kFarQuality) improvement.first_cell = far_cells;
+  report.improve = improve(mesh, field, how.image.size(), improvement, execution);
+
+  if (how.coarse) {
+    stage.emplace(execution, "fit");
+    report.fit = fit_interfaces(mesh, field, how.image.size(), {how.options.quality, how.left_out}, execution);
+  }
+  return mesh;
+}
+
 }  // namespace
 
 template <int Dim>
@@ -125,38 +173,29 @@ Mesh<Dim> mesh_with_guarantee(const LabelImage<Dim>& given, const GreyInput<Dim>
       build_spacetree<Dim>(sized.lattice, sized.pattern, required_levels(image, sized, rule, execution), 1, execution);
 
   stage.emplace(execution, "field");
-  const Field<Dim> field = make_field(image, grey, field_kind(options, grey, FieldKind::dgf), options, execution);
+  const FieldKind kind = field_kind(options, grey, FieldKind::dgf);
+  if (options.preserve_volume && (kind == FieldKind::grey || kind == FieldKind::solid_angle))
+    throw Error(ErrorKind::usage, "--preserve-volume: is not for the fields grey and solid-angle; leave it out");
+  Field<Dim> field = make_field(image, grey, kind, options, execution);
 
   stage.emplace(execution, "lattice");
   SimplexLattice<Dim> lattice = tessellate_body_centred(std::move(tree), execution);
 
-  stage.emplace(execution, "cut");
-  CutOptions cut;
-  cut.quality_floor = report.quality_floor;
-  Mesh<Dim> mesh = cut_lattice(lattice, field, image.labels, cut, report.cut, execution);
-  lattice = {};
-
-  stage.emplace(execution, "topology");
-  RepairOptions repair;
-  repair.min_component = options.min_component;
-  if (drop) repair.left_out = background;
-  report.repair = repair_topology(mesh, image, repair, execution);
-  std::int64_t far_cells = report.cut.far_cells;
-  if (drop) {
-    const auto materials = mesh.blocks[0].materials.begin();
-    far_cells -= std::count(materials, materials + far_cells, background);
-    drop_material(mesh, background, execution);
-  }
-
-  stage.emplace(execution, "improve");
-  ImproveOptions how;
-  how.quality = options.quality;
-  if (how.quality <= kFarQuality && stretch(sized.lattice) <= kMostStretch) how.first_cell = far_cells;
-  report.improve = improve(mesh, field, image.size(), how, execution);
-
-  if (is_coarse(rule, *std::ranges::min_element(image.frame.spacing))) {
-    stage.emplace(execution, "fit");
-    report.fit = fit_interfaces(mesh, field, image.size(), {options.quality, drop ? background : kOutside}, execution);
+  const Shaping<Dim> how{image, options, drop ? background : kOutside,
+                         is_coarse(rule, *std::ranges::min_element(image.frame.spacing)),
+                         stretch(sized.lattice) <= kMostStretch};
+  stage.reset();
+  Mesh<Dim> mesh = shape_mesh(how, lattice, !options.preserve_volume, field, report, execution);
+  if (options.preserve_volume) {
+    VolumeKeeper<Dim> keeper(image, drop ? background : kOutside);
+    while (keeper.look(mesh, report.volume, execution)) {
+      field = make_field(image, grey, kind, options, execution, keeper.scale());
+      mesh = shape_mesh(how, lattice, false, field, report, execution);
+    }
+    if (report.volume.labels_off > 0)
+      execution.warn("--preserve-volume: " + std::to_string(report.volume.labels_off) + " of " +
+                     std::to_string(report.volume.labels) +
+                     " labels of 1,000 voxels or more are off by more than 0.5 %; choose a smaller --min-size");
   }
   if (larger) restore_place(mesh, *larger, given);
   return mesh;

@@ -2,6 +2,8 @@
 /// The separating function that the options of mesh_image() name.
 #pragma once
 
+#include <vector>
+
 #include "treemarch/core/execution.h"
 #include "treemarch/field/field.h"
 #include "treemarch/image/label_image.h"
@@ -13,10 +15,10 @@ namespace treemarch {
 template <int Dim>
 FieldKind field_kind(const MeshOptions& options, const GreyInput<Dim>* grey, FieldKind usual);
 
-/// The field of that kind. \throw Error(usage) if the kind is grey and there is no grey image; Error(input) if the
-/// extents differ.
+/// The field of that kind, its weights multiplied as in FieldOptions::scale. \throw Error(usage) if the kind is grey
+/// and there is no grey image; Error(input) if the extents differ.
 template <int Dim>
 Field<Dim> make_field(const LabelImage<Dim>& image, const GreyInput<Dim>* grey, FieldKind kind,
-                      const MeshOptions& options, Execution& execution);
+                      const MeshOptions& options, Execution& execution, std::vector<float> scale = {});
 
 }  // namespace treemarch

@@ -51,6 +51,8 @@ void check_guaranteed(const MeshOptions& options) {
 void check_others(const MeshOptions& options) {
   if (options.closed_border)
     throw Error(ErrorKind::usage, "--border: can be closed with --method guaranteed alone; choose that");
+  if (options.preserve_volume)
+    throw Error(ErrorKind::usage, "--preserve-volume: is done with --method guaranteed alone; choose that");
 }
 
 }  // namespace

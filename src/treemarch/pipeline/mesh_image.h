@@ -56,6 +56,7 @@ struct MeshOptions {
   double quality_floor = 18;       ///< guaranteed method: no quality (mesh/simplex_quality.h) below this after the cut
   double quality = 20;             ///< guaranteed method: improve elements below this; 0 leaves them as they were cut
   std::int64_t min_component = 8;  ///< guaranteed method: voxels of a component that must survive as one
+  bool preserve_volume = false;    ///< guaranteed method: labels of 1,000 voxels or more keep their volume within 0.5 %
   bool closed_border = false;      ///< materials that touch the side of the image end there rounded, not cut off flat
   bool keep_background = false;    ///< whether cells of the background are part of the mesh
   std::int32_t background = 0;     ///< the label that means background

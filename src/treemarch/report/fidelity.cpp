@@ -9,6 +9,7 @@
 
 #include "treemarch/core/parallel.h"
 #include "treemarch/mesh/cell_topology.h"
+#include "treemarch/report/cell_sums.h"
 #include "treemarch/topology/component_fates.h"
 #include "treemarch/topology/image_components.h"
 #include "treemarch/topology/mesh_components.h"
@@ -17,26 +18,6 @@
 
 namespace treemarch {
 namespace {
-
-constexpr std::int64_t kBlock = 1 << 13;  // cells a task
-
-/// Some cells of one block.
-template <int Dim>
-struct CellRange {
-  const CellBlock* block;
-  std::int64_t begin, end;
-};
-
-template <int Dim>
-std::vector<CellRange<Dim>> split_into_ranges(const Mesh<Dim>& mesh) {
-  std::vector<CellRange<Dim>> ranges;
-  for (const CellBlock& block : mesh.blocks) {
-    if (dimension(block.type) != Dim) continue;
-    for (std::int64_t i = 0; i < block.size(); i += kBlock)
-      ranges.push_back({&block, i, std::min(block.size(), i + kBlock)});
-  }
-  return ranges;
-}
 
 /// Replaces a value by a smaller one, whatever other threads do at the same time.
 template <class T>
@@ -87,7 +68,7 @@ template <class T, int Dim>
 Overlap overlap(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, const std::vector<MaterialId>& to_image,
                 const Execution& execution) {
   Painter<T, Dim> painter(image);
-  const auto ranges = split_into_ranges(mesh);
+  const auto ranges = cell_ranges(mesh);
   parallel_for(execution, std::ssize(ranges), 1, [&](std::int64_t r) {
     const CellRange<Dim>& range = ranges[static_cast<std::size_t>(r)];
     for (std::int64_t c = range.begin; c < range.end; ++c) {
@@ -134,43 +115,6 @@ Overlap overlap(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, const std::
   if (image.labels.size() < 0xfe) return overlap<std::uint8_t>(image, mesh, to_image, execution);
   if (image.labels.size() < 0xfffe) return overlap<std::uint16_t>(image, mesh, to_image, execution);
   return overlap<std::uint32_t>(image, mesh, to_image, execution);
-}
-
-struct CellSums {
-  std::vector<std::int64_t> cells;
-  std::vector<double> volume;
-};
-
-/// Cells and volume by material of the mesh.
-template <int Dim>
-CellSums sum_cells(const Mesh<Dim>& mesh, const Execution& execution) {
-  const auto ranges = split_into_ranges(mesh);
-  const std::size_t n = mesh.labels.size();
-  // A few tables, each filled in order, whatever the number of threads.
-  const std::int64_t group = block_count(static_cast<std::int64_t>(ranges.size()), 64);
-  const std::int64_t groups = ranges.empty() ? 0 : block_count(static_cast<std::int64_t>(ranges.size()), group);
-  std::vector<CellSums> partial(static_cast<std::size_t>(groups));
-  parallel_for(execution, groups, 1, [&](std::int64_t g) {
-    CellSums& sum = partial[static_cast<std::size_t>(g)];
-    sum.cells.resize(n);
-    sum.volume.resize(n);
-    for (std::int64_t r = g * group; r < std::min<std::int64_t>(std::ssize(ranges), (g + 1) * group); ++r) {
-      const CellRange<Dim>& range = ranges[static_cast<std::size_t>(r)];
-      for (std::int64_t c = range.begin; c < range.end; ++c) {
-        const MaterialId m = range.block->materials[static_cast<std::size_t>(c)];
-        ++sum.cells[m];
-        sum.volume[m] += cell_volume(mesh.points.data(), range.block->type, range.block->cell(c));
-      }
-    }
-  });
-  CellSums total{std::vector<std::int64_t>(n), std::vector<double>(n)};
-  for (const CellSums& p : partial) {
-    for (std::size_t m = 0; m < n; ++m) {
-      total.cells[m] += p.cells[m];
-      total.volume[m] += p.volume[m];
-    }
-  }
-  return total;
 }
 
 template <int Dim>

@@ -70,6 +70,12 @@ Json guarantee_json(const GuaranteeReport& g) {
                     {"restored", g.repair.restored},
                     {"bridged", g.repair.bridged},
                     {"relabelled_cells", g.repair.relabelled_cells}};
+  if (g.volume.rounds > 0)
+    json["preserve_volume"] = {{"rounds", g.volume.rounds},
+                               {"error_before", g.volume.error_before},
+                               {"error_after", g.volume.error_after},
+                               {"labels", g.volume.labels},
+                               {"labels_off", g.volume.labels_off}};
   json["improve"] = {{"stopped", name_of(g.improve.stopped)},
                      {"below_target_before", g.improve.below_before},
                      {"below_target_after", g.improve.below_after},
@@ -126,6 +132,15 @@ Json topology_json(const TopologyReport& t) {
   return json;
 }
 
+Json clean_up_json(const CleanUpReport& c) {
+  const auto one = [](const CleanedLabel& l) {
+    return Json{{"label", l.label}, {"components", l.components}, {"voxels", l.voxels}};
+  };
+  Json json{{"islands", Json::array()}, {"holes", one(c.holes)}};
+  for (const CleanedLabel& l : c.islands) json["islands"].push_back(one(l));
+  return json;
+}
+
 }  // namespace
 
 const char* version() { return TREEMARCH_VERSION; }
@@ -175,6 +190,7 @@ std::string to_json(const Report& report) {
     json["interfaces"] = interfaces_json(report.fidelity.interfaces);
     json["topology"] = topology_json(*report.fidelity.topology);
   }
+  if (report.clean_up) json["clean_up"] = clean_up_json(*report.clean_up);
   if (report.guarantee) json["guarantee"] = guarantee_json(*report.guarantee);
   if (report.defects) {
     json["valid"] = report.defects->sound();

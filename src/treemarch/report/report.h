@@ -19,6 +19,19 @@
 
 namespace treemarch {
 
+/// What was taken from a label when the image was cleaned (pipeline/clean_up.h).
+struct CleanedLabel {
+  std::int32_t label = 0;
+  std::int64_t components = 0, voxels = 0;
+};
+
+struct CleanUpReport {
+  std::vector<CleanedLabel> islands;  ///< by label
+  CleanedLabel holes;                 ///< of the background
+
+  [[nodiscard]] bool empty() const { return islands.empty() && holes.components == 0; }
+};
+
 /// The report of one run.
 struct Report {
   std::string version;                                       ///< of the library
@@ -30,6 +43,7 @@ struct Report {
   std::vector<std::pair<CellType, std::int64_t>> cells;  ///< number by type, types that occur only
   MeshQuality quality;                                   ///< without cells where it was not measured
   Fidelity fidelity;
+  std::optional<CleanUpReport> clean_up;      ///< where it was asked for
   std::optional<GuaranteeReport> guarantee;   ///< of the default method
   std::optional<MeshDefects> defects;         ///< where the mesh was examined
   std::vector<Execution::StageTime> seconds;  ///< by stage

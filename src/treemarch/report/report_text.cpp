@@ -129,6 +129,18 @@ std::string topology_places(const TopologyReport& t) {
   return text;
 }
 
+std::string clean_up_line(const CleanUpReport& c) {
+  std::int64_t components = 0, voxels = 0;
+  for (const CleanedLabel& l : c.islands) components += l.components, voxels += l.voxels;
+  std::string text = format("\ncleaned: %lld islands of %zu labels (%lld voxels), %lld holes (%lld voxels)",
+                            static_cast<long long>(components), c.islands.size(), static_cast<long long>(voxels),
+                            static_cast<long long>(c.holes.components), static_cast<long long>(c.holes.voxels));
+  for (std::size_t i = 0; i < std::min(kListed, c.islands.size()); ++i)
+    text += format("%s %d: %lld", i == 0 ? "; voxels by label" : ",", c.islands[i].label,
+                   static_cast<long long>(c.islands[i].voxels));
+  return text;
+}
+
 std::string fidelity_line(const Fidelity& fidelity) {
   std::string text = format(", mean Dice %.4f", fidelity.mean_dice());
   const auto lost = fidelity.lost_labels();
@@ -161,6 +173,7 @@ std::string to_text(const Report& report, ReportLength length) {
   text += std::to_string(materials) + " labels";
   if (compared) text += fidelity_line(report.fidelity);
   if (report.fidelity.topology) text += topology_line(*report.fidelity.topology);
+  if (report.clean_up) text += clean_up_line(*report.clean_up);
   if (report.mesh_seconds > 0) {
     text += format("\nmeshed in %.2f s, %.2f GB at the peak", report.mesh_seconds,
                    static_cast<double>(report.peak_memory_bytes) / 1e9);

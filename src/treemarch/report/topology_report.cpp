@@ -115,8 +115,8 @@ bool pinched_near(const LabelImage<Dim>& image, std::span<const ImagePinch> pinc
 
 template <int Dim>
 void list_pinches(const TopologyInput<Dim>& in, std::span<const ImagePinch> image_pinches, const Coord<Dim>& corners,
-                  std::span<const MaterialId> to_image, const Execution& execution, TopologyReport& report) {
-  const std::vector<MeshPinch> found = find_mesh_pinches(in.mesh, in.components.border(), execution);
+                  std::span<const MaterialId> to_image, TopologyReport& report) {
+  const std::vector<MeshPinch>& found = in.components.pinches();
   if (found.empty()) return;
   // The boxes of the stars of the pinched vertices.
   std::vector<std::uint32_t> slot(in.mesh.points.size(), 0);
@@ -186,7 +186,7 @@ TopologyReport report_topology(const TopologyInput<Dim>& in, std::int32_t backgr
   report.image_pinches = std::ssize(pinches);
   list_broken(in, background, report);
   list_contacts<Dim>(in, pinches, corners, background, report);
-  list_pinches<Dim>(in, pinches, corners, match_labels(in.mesh.labels, in.image.labels), execution, report);
+  list_pinches<Dim>(in, pinches, corners, match_labels(in.mesh.labels, in.image.labels), report);
   return report;
 }
 

@@ -8,10 +8,12 @@
 #include "treemarch/core/parallel.h"
 #include "treemarch/mesh/cell_topology.h"
 #include "treemarch/mesh/facets.h"
+#include "treemarch/topology/stars.h"
+#include "treemarch/topology/vertex_link.h"
 
 // Most vertices lie inside one material: all cells around such a vertex belong to one component, so the vertex can
 // stand for them, and no facet that contains it needs to be matched. What is left are the facets whose vertices all lie
-// on interfaces or on the hull.
+// on interfaces or on the hull; they are matched in the stars of these vertices, which have to be looked at anyway.
 
 namespace treemarch {
 namespace {
@@ -79,32 +81,58 @@ MeshComponents<Dim>::MeshComponents(const Mesh<Dim>& mesh, const Execution& exec
   }
   sets_ = SharedDisjointSets(n);
   material_of_vertex_.assign(mesh.points.size(), kUnused);
-  join_all(execution);
+  join_inside(execution);
+  join_at_borders(execution);
 }
 
 template <int Dim>
-void MeshComponents<Dim>::join_all(const Execution& execution) {
-  const auto material = [&](std::size_t b, std::int64_t c) {
-    return mesh_.blocks[b].materials[static_cast<std::size_t>(c)];
-  };
+void MeshComponents<Dim>::join_inside(const Execution& execution) {
   for_each_cell(mesh_, execution, [&](std::size_t b, std::int64_t c) {
     const VertexId* v = mesh_.blocks[b].cell(c);
     const auto part = part_of(b, c);
     if (is_cell(part)) return;
+    const MaterialId material = mesh_.blocks[b].materials[static_cast<std::size_t>(c)];
     for (int i = 0; i < vertex_count(mesh_.blocks[b].type); ++i) {
       if (border_[v[i]] != 0) continue;
-      std::atomic_ref(material_of_vertex_[v[i]]).store(material(b, c), std::memory_order_relaxed);
+      std::atomic_ref(material_of_vertex_[v[i]]).store(material, std::memory_order_relaxed);
       sets_.join(part, v[i]);
     }
   });
-  visit_facets(
-      mesh_, execution,
-      [&](std::int64_t, std::span<const FacetSide> sides) {
-        for (std::size_t i = 1; i < sides.size(); ++i)
-          if (material(sides[i].block, sides[i].cell) == material(sides[0].block, sides[0].cell))
-            sets_.join(part_of(sides[0].block, sides[0].cell), part_of(sides[i].block, sides[i].cell));
-      },
-      border_);
+}
+
+/// A facet without an inner vertex is found in the star of its smallest vertex.
+template <int Dim>
+void MeshComponents<Dim>::join_at_borders(const Execution& execution) {
+  if constexpr (Dim == 4) {
+    visit_facets(
+        mesh_, execution,
+        [&](std::int64_t, std::span<const FacetSide> sides) {
+          const auto material = [&](const FacetSide& s) {
+            return mesh_.blocks[s.block].materials[static_cast<std::size_t>(s.cell)];
+          };
+          for (std::size_t i = 1; i < sides.size(); ++i)
+            if (material(sides[i]) == material(sides[0]))
+              sets_.join(part_of(sides[0].block, sides[0].cell), part_of(sides[i].block, sides[i].cell));
+        },
+        border_);
+  } else {
+    std::vector<std::vector<MeshPinch>> found(
+        static_cast<std::size_t>(star_part_count(static_cast<std::int64_t>(mesh_.points.size()))));
+    visit_stars(mesh_, border_, execution, [&](std::int64_t part, VertexId v, std::span<const StarCell> star) {
+      thread_local VertexLink<Dim> link;
+      link.clear();
+      for (std::size_t i = 0; i < star.size(); ++i) {
+        const CellBlock& block = mesh_.blocks[star[i].block];
+        link.add(block.type, block.cell(star[i].cell), v, block.materials[star[i].cell], static_cast<std::uint32_t>(i));
+      }
+      for (const auto& [i, j] : link.pairs()) {
+        const Index a = part_of(star[i].block, star[i].cell), b = part_of(star[j].block, star[j].cell);
+        if (a != b) sets_.join(a, b);
+      }
+      for (const auto& e : link.excess()) found[static_cast<std::size_t>(part)].push_back({v, e.material, e.sheets});
+    });
+    for (const auto& part : found) pinches_.insert(pinches_.end(), part.begin(), part.end());
+  }
 }
 
 template <int Dim>

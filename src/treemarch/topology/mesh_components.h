@@ -44,8 +44,16 @@ class SharedDisjointSets {
   mutable std::vector<Index> parent_;  // finding shortens the paths
 };
 
-/// Components of the cells of each material, connected over facets. Refers to the mesh, which must not change.
-/// \pre the mesh is sound (mesh/validate.h)
+/// A vertex of a mesh where a material touches itself: along an edge that four of its boundary's facets share, or in a
+/// point only. The hull belongs to the boundary.
+struct MeshPinch {
+  VertexId vertex = 0;
+  MaterialId material = 0;
+  int sheets = 0;  ///< of its boundary beyond one, at least 1 (VertexLink::Excess)
+};
+
+/// Components of the cells of each material, connected over facets, and where its boundary is no manifold. Refers to
+/// the mesh, which must not change. \pre the mesh is sound (mesh/validate.h)
 template <int Dim>
 class MeshComponents {
  public:
@@ -60,6 +68,8 @@ class MeshComponents {
   [[nodiscard]] std::size_t index_end() const { return sets_.size(); }
   /// Components of each material.
   [[nodiscard]] std::vector<std::int64_t> count() const;
+  /// All pinches, by vertex, then by material; none are looked for in four dimensions.
+  [[nodiscard]] const std::vector<MeshPinch>& pinches() const { return pinches_; }
   /// One a vertex: 0 where all cells around it are of one material and close around it, else 1.
   [[nodiscard]] const std::vector<std::uint8_t>& border() const { return border_; }
 
@@ -72,13 +82,15 @@ class MeshComponents {
     return static_cast<Index>(first_cell_[block] + static_cast<std::size_t>(cell));
   }
   [[nodiscard]] bool is_cell(Index part) const { return part >= mesh_.points.size(); }
-  void join_all(const Execution& execution);
+  void join_inside(const Execution& execution);
+  void join_at_borders(const Execution& execution);
 
   const Mesh<Dim>& mesh_;
   std::vector<std::uint8_t> border_;
   std::vector<std::size_t> first_cell_;  // per block, numbered after the vertices
   SharedDisjointSets sets_;
   std::vector<MaterialId> material_of_vertex_;
+  std::vector<MeshPinch> pinches_;
 };
 
 }  // namespace treemarch

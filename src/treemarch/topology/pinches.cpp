@@ -4,18 +4,10 @@
 #include <array>
 
 #include "treemarch/core/parallel.h"
-#include "treemarch/topology/stars.h"
 #include "treemarch/topology/vertex_link.h"
 
 namespace treemarch {
 namespace {
-
-template <class T>
-std::vector<T> join(std::vector<std::vector<T>>& parts) {
-  std::vector<T> all;
-  for (const auto& part : parts) all.insert(all.end(), part.begin(), part.end());
-  return all;
-}
 
 /// For every set of the 2^Dim voxels around a corner: whether its boundary is a manifold at the corner.
 template <int Dim>
@@ -43,23 +35,6 @@ const std::vector<std::uint8_t>& pinched_sets() {
 }
 
 }  // namespace
-
-template <int Dim>
-std::vector<MeshPinch> find_mesh_pinches(const Mesh<Dim>& mesh, std::span<const std::uint8_t> among,
-                                         const Execution& execution) {
-  std::vector<std::vector<MeshPinch>> found(
-      static_cast<std::size_t>(star_part_count(static_cast<std::int64_t>(mesh.points.size()))));
-  visit_stars(mesh, among, execution, [&](std::int64_t part, VertexId v, std::span<const StarCell> star) {
-    thread_local VertexLink<Dim> link;
-    link.clear();
-    for (const StarCell& c : star) {
-      const CellBlock& block = mesh.blocks[c.block];
-      link.add(block.type, block.cell(c.cell), v, block.materials[c.cell]);
-    }
-    for (const auto& e : link.excess()) found[static_cast<std::size_t>(part)].push_back({v, e.material, e.sheets});
-  });
-  return join(found);
-}
 
 template <int Dim>
 std::vector<ImagePinch> find_image_pinches(const LabelImage<Dim>& image, const Execution& execution) {
@@ -98,11 +73,11 @@ std::vector<ImagePinch> find_image_pinches(const LabelImage<Dim>& image, const E
       }
     });
   });
-  return join(found);
+  std::vector<ImagePinch> all;
+  for (const auto& in_row : found) all.insert(all.end(), in_row.begin(), in_row.end());
+  return all;
 }
 
-template std::vector<MeshPinch> find_mesh_pinches(const Mesh<2>&, std::span<const std::uint8_t>, const Execution&);
-template std::vector<MeshPinch> find_mesh_pinches(const Mesh<3>&, std::span<const std::uint8_t>, const Execution&);
 template std::vector<ImagePinch> find_image_pinches(const LabelImage<2>&, const Execution&);
 template std::vector<ImagePinch> find_image_pinches(const LabelImage<3>&, const Execution&);
 

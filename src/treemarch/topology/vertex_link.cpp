@@ -3,11 +3,17 @@
 #include <algorithm>
 
 namespace treemarch {
+namespace {
+
+std::size_t scatter(std::uint64_t key) { return static_cast<std::size_t>((key * 0x9e3779b97f4a7c15U) >> 40U); }
+
+}  // namespace
 
 template <int Dim>
 void VertexLink<Dim>::clear() {
   for (const std::uint32_t slot : used_) slots_[slot] = {};
   used_.clear();
+  pairs_.clear();
 }
 
 template <int Dim>
@@ -16,24 +22,27 @@ void VertexLink<Dim>::grow() {
   old.swap(slots_);
   std::vector<std::uint32_t> filled;
   filled.swap(used_);
+  const std::size_t mask = slots_.size() - 1;
   for (const std::uint32_t from : filled) {
-    add_side(old[from].key, old[from].first);
-    if (old[from].second != kOutside) add_side(old[from].key, old[from].second);
+    std::size_t i = scatter(old[from].key) & mask;
+    while (slots_[i].key != kEmpty) i = (i + 1) & mask;
+    slots_[i] = old[from];
+    used_.push_back(static_cast<std::uint32_t>(i));
   }
 }
 
 template <int Dim>
-void VertexLink<Dim>::add_side(std::uint64_t key, MaterialId material) {
+void VertexLink<Dim>::add_side(std::uint64_t key, MaterialId material, std::uint32_t name) {
   const std::size_t mask = slots_.size() - 1;
-  for (std::size_t i = (key * 0x9e3779b97f4a7c15U) >> 40U & mask;; i = (i + 1) & mask) {
+  for (std::size_t i = scatter(key) & mask;; i = (i + 1) & mask) {
     Slot& slot = slots_[i];
     if (slot.key == key) {
       slot.second = material;
+      if (slot.first == material && vertex_ <= (key >> 32U)) pairs_.emplace_back(slot.name, name);
       return;
     }
     if (slot.key != kEmpty) continue;
-    slot.key = key;
-    slot.first = material;
+    slot = {key, material, kOutside, name};
     used_.push_back(static_cast<std::uint32_t>(i));
     if (2 * used_.size() > slots_.size()) grow();
     return;
@@ -41,9 +50,11 @@ void VertexLink<Dim>::add_side(std::uint64_t key, MaterialId material) {
 }
 
 template <int Dim>
-void VertexLink<Dim>::add(CellType type, const VertexId* cell, VertexId vertex, MaterialId material) {
+void VertexLink<Dim>::add(CellType type, const VertexId* cell, VertexId vertex, MaterialId material,
+                          std::uint32_t name) {
+  vertex_ = vertex;
   const auto side = [&](VertexId a, VertexId b) {
-    add_side((std::uint64_t{std::min(a, b)} << 32U) | std::max(a, b), material);
+    add_side((std::uint64_t{std::min(a, b)} << 32U) | std::max(a, b), material, name);
   };
   if constexpr (Dim == 3) {
     if (type == CellType::tetrahedron) {

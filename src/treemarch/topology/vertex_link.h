@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "treemarch/mesh/cell_topology.h"
@@ -20,7 +21,11 @@ class VertexLink {
  public:
   void clear();
   /// Adds a cell. \pre it has the vertex
-  void add(CellType type, const VertexId* cell, VertexId vertex, MaterialId material);
+  /// \param name for pairs()
+  void add(CellType type, const VertexId* cell, VertexId vertex, MaterialId material, std::uint32_t name = 0);
+
+  /// Cells of one material that share a facet of which the vertex is the smallest (of three, where it has four).
+  [[nodiscard]] const std::vector<std::pair<std::uint32_t, std::uint32_t>>& pairs() const { return pairs_; }
 
   struct Excess {
     MaterialId material;
@@ -30,10 +35,11 @@ class VertexLink {
   const std::vector<Excess>& excess();
 
  private:
-  using Rim = std::array<VertexId, Dim - 1>;  // a facet without the vertex: its neighbours in it
+  /// A facet at the vertex, named by the neighbours of the vertex in it.
   struct Slot {
     std::uint64_t key = kEmpty;
     MaterialId first = kOutside, second = kOutside;
+    std::uint32_t name = 0;  // of the first cell
   };
   struct Border {
     std::uint64_t key;
@@ -41,12 +47,14 @@ class VertexLink {
   };
   static constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
 
-  void add_side(std::uint64_t key, MaterialId material);
+  void add_side(std::uint64_t key, MaterialId material, std::uint32_t name);
   void grow();
   int excess_of(MaterialId material);
 
   std::vector<Slot> slots_ = std::vector<Slot>(256);
   std::vector<std::uint32_t> used_;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_;
+  VertexId vertex_ = 0;
   std::vector<Border> border_;
   std::vector<MaterialId> materials_;
   std::vector<VertexId> rim_;
