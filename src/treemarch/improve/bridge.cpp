@@ -8,6 +8,7 @@
 #include <unordered_map>
 
 #include "treemarch/core/parallel.h"
+#include "treemarch/improve/unpinch.h"
 #include "treemarch/topology/simplices.h"
 #include "treemarch/topology/voxel_centres.h"
 
@@ -57,6 +58,7 @@ class Bridger {
     return joined;
   }
   [[nodiscard]] const std::vector<CellId>& relabelled() const { return relabelled_; }
+  [[nodiscard]] bool cut_another() const { return cut_another_; }
 
  private:
   static constexpr std::uint32_t kNoGroup = ComponentFate::kNone;
@@ -119,6 +121,9 @@ class Bridger {
   void take_way(CellId end, std::uint32_t own, const std::unordered_map<CellId, CellId>& from) {
     for (CellId c = end; from.at(c) != c; c = from.at(c)) {
       if (patch_.material(c) == material_) continue;
+      const SimplexVertices<Dim> corners = patch_.cell(c);
+      const bool seen = std::ranges::all_of(corners, [&](VertexId v) { return patch_.has_star(v); });
+      cut_another_ |= !seen || !keeps_connection<Dim>(patch_, std::span(&c, 1));
       patch_.relabel(c, material_);
       taken_[c] = own;
       relabelled_.push_back(c);
@@ -132,6 +137,7 @@ class Bridger {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> group_;  // of each component of the mesh, ascending
   std::unordered_map<CellId, std::uint32_t> taken_;             // cells that changed, and what they belong to now
   std::vector<CellId> relabelled_;
+  bool cut_another_ = false;
 };
 
 /// How many of the voxels beside a voxel are of its component.
@@ -224,8 +230,8 @@ BrokenComponents<Dim> find_broken(const LabelImage<Dim>& image, const ComponentM
 }
 
 template <int Dim>
-std::vector<CellId> mend_components(Patch<Dim>& patch, const BrokenComponents<Dim>& broken, RepairReport& report) {
-  std::vector<CellId> relabelled;
+Mended mend_components(Patch<Dim>& patch, const BrokenComponents<Dim>& broken, RepairReport& report) {
+  Mended mended;
   for (std::size_t i = 0; i < broken.lost.size();) {
     const std::uint32_t component = broken.lost[i].image_component;
     std::int64_t best = -1;
@@ -237,26 +243,30 @@ std::vector<CellId> mend_components(Patch<Dim>& patch, const BrokenComponents<Di
     for (; i < end; ++i) {
       if (broken.lost[i].voxel != best) continue;
       patch.relabel(broken.lost[i].cell, broken.map->components[component].material);
-      relabelled.push_back(broken.lost[i].cell);
+      mended.relabelled.push_back(broken.lost[i].cell);
     }
     ++report.restored;
+    mended.surely_whole = false;
   }
   Bridger<Dim> bridger(patch, broken);
   for (std::size_t i = 0; i < broken.parts.size();) {
     std::size_t end = i;
     while (end < broken.parts.size() && broken.parts[end].image_component == broken.parts[i].image_component) ++end;
-    report.bridged += bridger.run(std::span(broken.parts).subspan(i, end - i));
+    const std::int64_t joined = bridger.run(std::span(broken.parts).subspan(i, end - i));
+    report.bridged += joined;
+    mended.surely_whole &= joined + 1 == static_cast<std::int64_t>(end - i);
     i = end;
   }
-  relabelled.insert(relabelled.end(), bridger.relabelled().begin(), bridger.relabelled().end());
-  return relabelled;
+  mended.relabelled.insert(mended.relabelled.end(), bridger.relabelled().begin(), bridger.relabelled().end());
+  mended.surely_whole &= !bridger.cut_another();
+  return mended;
 }
 
 #define TREEMARCH_INSTANTIATE(DIM)                                                                  \
   template BrokenComponents<DIM> find_broken(                                                       \
       const LabelImage<DIM>&, const ComponentMap&, std::span<const std::uint8_t>, const Mesh<DIM>&, \
       const MeshComponents<DIM>&, std::span<const ComponentFate>, const Execution&);                \
-  template std::vector<CellId> mend_components(Patch<DIM>&, const BrokenComponents<DIM>&, RepairReport&);
+  template Mended mend_components(Patch<DIM>&, const BrokenComponents<DIM>&, RepairReport&);
 TREEMARCH_INSTANTIATE(2)
 TREEMARCH_INSTANTIATE(3)
 #undef TREEMARCH_INSTANTIATE

@@ -47,11 +47,15 @@ BrokenComponents<Dim> find_broken(const LabelImage<Dim>& image, const ComponentM
                                   const MeshComponents<Dim>& components, std::span<const ComponentFate> fates,
                                   const Execution& execution);
 
+struct Mended {
+  std::vector<CellId> relabelled;
+  bool surely_whole = true;  ///< no other material was cut in two, as far as can be seen from nearby
+};
+
 /// Gives each lost component the cells around the centre of its innermost voxel, and joins the parts of the others by
 /// the shortest ways over facets, through cells in the component's own voxels where there is a choice.
 /// \param patch has the stars of the vertices around broken.cells
-/// \return the cells that were relabelled
 template <int Dim>
-std::vector<CellId> mend_components(Patch<Dim>& patch, const BrokenComponents<Dim>& broken, RepairReport& report);
+Mended mend_components(Patch<Dim>& patch, const BrokenComponents<Dim>& broken, RepairReport& report);
 
 }  // namespace treemarch

@@ -69,8 +69,7 @@ class Repairer {
                       component_fates(image_, map_, mesh_, components, to_image_, execution_), execution_);
       if ((pinches.empty() && broken.empty()) || report_.rounds == options_.rounds) return report_;
       ++report_.rounds;
-      // What was done to pinches disconnects nothing; a way that joins two parts may.
-      if (!mend(broken, pinches) || broken.empty()) return report_;
+      if (!mend(broken, pinches)) return report_;
     }
   }
 
@@ -91,6 +90,7 @@ class Repairer {
       if (c >= 0) required_[static_cast<std::size_t>(c)] = 1;
   }
 
+  /// \return whether to look again: what is done to pinches disconnects nothing, a way that joins two parts may.
   bool mend(const BrokenComponents<Dim>& broken, const std::vector<MeshPinch>& pinches) {
     const CellBlock& block = mesh_.blocks[0];
     std::vector<std::uint8_t> marked(mesh_.points.size());
@@ -105,8 +105,8 @@ class Repairer {
     for (std::uint8_t& m : marked) m = m != 0;
     grow<Dim>(block, marked, kRingsOfPinches, execution_);
     Patch<Dim> patch(mesh_, listed(marked), execution_);
-    const std::vector<CellId> changed = mend_components(patch, broken, report_);
-    for (const CellId c : changed) {
+    const Mended mended = mend_components(patch, broken, report_);
+    for (const CellId c : mended.relabelled) {
       const auto cell = patch.cell(c);
       pinched.insert(pinched.end(), cell.begin(), cell.end());
     }
@@ -116,9 +116,9 @@ class Repairer {
     Unpincher<Dim> unpincher(patch, mesh_, image_);
     unpincher.run(std::move(pinched));
     report_.pinches_after = unpincher.left();
-    const std::int64_t relabelled = unpincher.relabelled() + std::ssize(changed);
+    const std::int64_t relabelled = unpincher.relabelled() + std::ssize(mended.relabelled);
     report_.relabelled_cells += relabelled;
-    return relabelled > 0;
+    return relabelled > 0 && !mended.surely_whole;
   }
 
   Mesh<Dim>& mesh_;

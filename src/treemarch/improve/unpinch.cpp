@@ -29,6 +29,38 @@ void add_vertices(const SimplexVertices<Dim>& cell, std::vector<VertexId>& verti
 }  // namespace
 
 template <int Dim>
+bool keeps_connection(const Patch<Dim>& patch, std::span<const CellId> cells) {
+  const MaterialId from = patch.material(cells[0]);
+  std::vector<VertexId> around;
+  for (const CellId c : cells) add_vertices<Dim>(patch.cell(c), around);
+  std::vector<CellId> left;
+  for (const VertexId v : around)
+    for (const CellId c : patch.star(v))
+      if (patch.material(c) == from && std::ranges::find(cells, c) == cells.end()) left.push_back(c);
+  std::ranges::sort(left);
+  left.erase(std::ranges::unique(left).begin(), left.end());
+  std::vector<std::size_t> parent(left.size());
+  std::iota(parent.begin(), parent.end(), 0U);
+  const auto root = [&](std::size_t i) {
+    while (parent[i] != i) i = parent[i] = parent[parent[i]];
+    return i;
+  };
+  for (std::size_t i = 0; i < left.size(); ++i)
+    for (std::size_t j = i + 1; j < left.size(); ++j)
+      if (root(i) != root(j) && share_facet<Dim>(patch.cell(left[i]), patch.cell(left[j]))) parent[root(j)] = root(i);
+  // Only those that were connected through the move count.
+  std::size_t first = left.size();
+  for (std::size_t i = 0; i < left.size(); ++i) {
+    const bool beside =
+        std::ranges::any_of(cells, [&](CellId c) { return share_facet<Dim>(patch.cell(left[i]), patch.cell(c)); });
+    if (!beside) continue;
+    if (first == left.size()) first = i;
+    if (root(i) != root(first)) return false;
+  }
+  return first != left.size();
+}
+
+template <int Dim>
 int Unpincher<Dim>::excess(VertexId v) {
   link_.clear();
   for (const CellId c : patch_.star(v)) {
@@ -169,46 +201,13 @@ void Unpincher<Dim>::propose_cells() {
   }
 }
 
-/// Whether the cells of the old material beside those of a move hang together without them, close by.
-template <int Dim>
-bool Unpincher<Dim>::keeps_connection(const Move& move) const {
-  const MaterialId from = patch_.material(move.cells[0]);
-  std::vector<VertexId> around;
-  for (const CellId c : move.cells) add_vertices<Dim>(patch_.cell(c), around);
-  std::vector<CellId> left;
-  for (const VertexId v : around)
-    for (const CellId c : patch_.star(v))
-      if (patch_.material(c) == from && std::ranges::find(move.cells, c) == move.cells.end()) left.push_back(c);
-  std::ranges::sort(left);
-  left.erase(std::ranges::unique(left).begin(), left.end());
-  std::vector<std::size_t> parent(left.size());
-  std::iota(parent.begin(), parent.end(), 0U);
-  const auto root = [&](std::size_t i) {
-    while (parent[i] != i) i = parent[i] = parent[parent[i]];
-    return i;
-  };
-  for (std::size_t i = 0; i < left.size(); ++i)
-    for (std::size_t j = i + 1; j < left.size(); ++j)
-      if (root(i) != root(j) && share_facet<Dim>(patch_.cell(left[i]), patch_.cell(left[j]))) parent[root(j)] = root(i);
-  // Only those that were connected through the move count.
-  std::size_t first = left.size();
-  for (std::size_t i = 0; i < left.size(); ++i) {
-    const bool beside = std::ranges::any_of(
-        move.cells, [&](CellId c) { return share_facet<Dim>(patch_.cell(left[i]), patch_.cell(c)); });
-    if (!beside) continue;
-    if (first == left.size()) first = i;
-    if (root(i) != root(first)) return false;
-  }
-  return first != left.size();
-}
-
 template <int Dim>
 bool Unpincher<Dim>::apply_best() {
   std::ranges::stable_sort(moves_, [](const Move& a, const Move& b) {
     return std::tuple(-a.gain, -a.agreement, a.volume) < std::tuple(-b.gain, -b.agreement, b.volume);
   });
   for (const Move& move : moves_) {
-    if (!keeps_connection(move)) continue;
+    if (!keeps_connection<Dim>(patch_, move.cells)) continue;
     relabel(move.cells, move.to);
     relabelled_ += std::ssize(move.cells);
     touched_.clear();
@@ -252,6 +251,8 @@ void Unpincher<Dim>::run(std::vector<VertexId> vertices) {
   for (const VertexId v : vertices) left_ += excess(v);
 }
 
+template bool keeps_connection(const Patch<2>&, std::span<const CellId>);
+template bool keeps_connection(const Patch<3>&, std::span<const CellId>);
 template class Unpincher<2>;
 template class Unpincher<3>;
 

@@ -12,6 +12,11 @@
 
 namespace treemarch {
 
+/// Whether the cells of one material beside the given ones, which have it too, hang together without them, close by:
+/// over facets, among the cells around their vertices. \pre !cells.empty(); their vertices have stars
+template <int Dim>
+bool keeps_connection(const Patch<Dim>& patch, std::span<const CellId> cells);
+
 /// Relabels pieces of the stars of pinched vertices, as long as that makes the boundaries of the materials manifolds at
 /// more vertices and disconnects nothing. Serial: few vertices need it.
 template <int Dim>
@@ -46,7 +51,6 @@ class Unpincher {
   [[nodiscard]] int excess_around(std::span<const VertexId> vertices);
   void propose(std::span<const CellId> cells, MaterialId to);
   bool apply_best();
-  [[nodiscard]] bool keeps_connection(const Move& move) const;
   [[nodiscard]] MaterialId image_material(CellId c) const;
   void relabel(std::span<const CellId> cells, MaterialId to) {
     for (const CellId c : cells) patch_.relabel(c, to);

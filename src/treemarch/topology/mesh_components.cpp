@@ -123,7 +123,8 @@ void MeshComponents<Dim>::join_at_borders(const Execution& execution) {
       link.clear();
       for (std::size_t i = 0; i < star.size(); ++i) {
         const CellBlock& block = mesh_.blocks[star[i].block];
-        link.add(block.type, block.cell(star[i].cell), v, block.materials[star[i].cell], static_cast<std::uint32_t>(i));
+        link.add(block.type, block.cell(star[i].cell), v, block.materials[star[i].cell], static_cast<std::uint32_t>(i),
+                 border_.data());
       }
       for (const auto& [i, j] : link.pairs()) {
         const Index a = part_of(star[i].block, star[i].cell), b = part_of(star[j].block, star[j].cell);

@@ -50,10 +50,11 @@ void VertexLink<Dim>::add_side(std::uint64_t key, MaterialId material, std::uint
 }
 
 template <int Dim>
-void VertexLink<Dim>::add(CellType type, const VertexId* cell, VertexId vertex, MaterialId material,
-                          std::uint32_t name) {
+void VertexLink<Dim>::add(CellType type, const VertexId* cell, VertexId vertex, MaterialId material, std::uint32_t name,
+                          const std::uint8_t* border) {
   vertex_ = vertex;
   const auto side = [&](VertexId a, VertexId b) {
+    if (border && (border[a] == 0 || border[b] == 0)) return;
     add_side((std::uint64_t{std::min(a, b)} << 32U) | std::max(a, b), material, name);
   };
   if constexpr (Dim == 3) {

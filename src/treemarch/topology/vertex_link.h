@@ -22,7 +22,10 @@ class VertexLink {
   void clear();
   /// Adds a cell. \pre it has the vertex
   /// \param name for pairs()
-  void add(CellType type, const VertexId* cell, VertexId vertex, MaterialId material, std::uint32_t name = 0);
+  /// \param border null, or one a vertex: facets with a neighbour of the vertex whose value is 0, that is inside one
+  /// material, are passed over
+  void add(CellType type, const VertexId* cell, VertexId vertex, MaterialId material, std::uint32_t name = 0,
+           const std::uint8_t* border = nullptr);
 
   /// Cells of one material that share a facet of which the vertex is the smallest (of three, where it has four).
   [[nodiscard]] const std::vector<std::pair<std::uint32_t, std::uint32_t>>& pairs() const { return pairs_; }
