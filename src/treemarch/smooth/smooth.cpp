@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
+#include <utility>
 #include <vector>
 
 #include "treemarch/core/error.h"
@@ -36,17 +38,23 @@ AngleRange cell_angles_with(const VertexId* cell, const std::vector<Vec<Dim>>& p
   return angle_range<Dim>(corners);
 }
 
-/// For each vertex the worst angles of its cells.
+/// The angles of every cell.
 template <int Dim>
-std::vector<AngleRange> worst_angles_at(const Mesh<Dim>& mesh, const Strata<Dim>& strata, const Execution& execution) {
-  const CellBlock& block = strata.simplices();
-  std::vector<AngleRange> of_cell(static_cast<std::size_t>(block.size()));
+std::vector<AngleRange> cell_angles(const Mesh<Dim>& mesh, const CellBlock& block, const Execution& execution) {
+  std::vector<AngleRange> angles(static_cast<std::size_t>(block.size()));
   parallel_for(execution, block.size(), 2048, [&](std::int64_t c) {
     const VertexId v = block.cell(c)[0];
-    of_cell[static_cast<std::size_t>(c)] = cell_angles_with<Dim>(block.cell(c), mesh.points, v, mesh.points[v]);
+    angles[static_cast<std::size_t>(c)] = cell_angles_with<Dim>(block.cell(c), mesh.points, v, mesh.points[v]);
   });
-  std::vector<AngleRange> worst(mesh.points.size());
-  parallel_for(execution, static_cast<std::int64_t>(worst.size()), 2048, [&](std::int64_t v) {
+  return angles;
+}
+
+/// For each vertex the worst angles of its cells.
+template <int Dim>
+std::vector<AngleRange> worst_angles_at(const Strata<Dim>& strata, std::size_t points,
+                                        const std::vector<AngleRange>& of_cell, const Execution& execution) {
+  std::vector<AngleRange> worst(points);
+  parallel_for(execution, static_cast<std::int64_t>(points), 2048, [&](std::int64_t v) {
     for (const std::uint32_t c : strata.cells()[static_cast<VertexId>(v)]) {
       worst[static_cast<std::size_t>(v)].merge(of_cell[c]);
     }
@@ -54,19 +62,27 @@ std::vector<AngleRange> worst_angles_at(const Mesh<Dim>& mesh, const Strata<Dim>
   return worst;
 }
 
+bool allows(const AngleRange& limit, const AngleRange& angles) {
+  return !angles.inverted() && angles.high <= limit.high && angles.low >= limit.low;
+}
+
 /// Smooths one subset of the vertices.
 template <int Dim>
 class SubsetSmoother {
  public:
+  /// \param angles of every cell; kept up to date
   SubsetSmoother(Mesh<Dim>& mesh, const Strata<Dim>& strata, SubsetGraph graph, double max_displacement,
-                 const Execution& execution)
+                 std::vector<AngleRange>& angles, const Execution& execution)
       : points_(mesh.points),
         strata_(strata),
         graph_(std::move(graph)),
         max_displacement_(max_displacement),
+        angles_(angles),
         execution_(execution),
         targets_(graph_.vertices.size()),
-        limits_(graph_.vertices.size()) {
+        limits_(graph_.vertices.size()),
+        last_move_(points_.size(), 0) {
+    for (auto& refused : refused_) refused.resize(graph_.vertices.size(), 0);
     for (const VertexId v : graph_.vertices) start_.push_back(points_[v]);
     report_.vertices = static_cast<std::int64_t>(start_.size());
   }
@@ -83,18 +99,15 @@ class SubsetSmoother {
     });
   }
 
-  /// One Jacobi sweep with a factor on the way to the mean.
-  void sweep(double factor) {
+  /// One Jacobi sweep with a factor on the way to the mean. \param half 0 or 1, the same for the same factor
+  void sweep(double factor, int half) {
+    ++sweep_;
     parallel_for(execution_, report_.vertices, 512, [&](std::int64_t i) { aim(static_cast<std::size_t>(i), factor); });
     for (std::size_t colour = 0; colour + 1 < graph_.colours.size(); ++colour) {
       const std::uint32_t begin = graph_.colours[colour];
       const Moves moves = parallel_reduce(
-          execution_, graph_.colours[colour + 1] - begin, 512, Moves{},
-          [&](std::int64_t from, std::int64_t to) {
-            Moves sum;
-            for (std::int64_t i = from; i < to; ++i) move(graph_.by_colour[begin + static_cast<std::size_t>(i)], sum);
-            return sum;
-          },
+          execution_, graph_.colours[colour + 1] - begin, 1, Moves{},
+          [&](std::int64_t block, std::int64_t) { return move_block(begin + static_cast<std::size_t>(block), half); },
           [](const Moves& a, const Moves& b) {
             return Moves{a.made + b.made, a.refused + b.refused};
           });
@@ -115,6 +128,7 @@ class SubsetSmoother {
   struct Moves {
     std::int64_t made = 0, refused = 0;
   };
+  using Cells = std::span<const std::uint32_t>;
 
   /// Where a vertex should go; where it is if that is hardly anywhere else.
   void aim(std::size_t i, double factor) {
@@ -138,25 +152,67 @@ class SubsetSmoother {
     targets_[i] = squared_norm(target - x) <= negligible ? x : target;
   }
 
-  void move(std::uint32_t i, Moves& moves) {
+  /// Whether a vertex of the cells has moved since the start of a sweep.
+  [[nodiscard]] bool moved_since(Cells cells, std::uint32_t sweep) const {
+    for (const std::uint32_t c : cells) {
+      const VertexId* cell = strata_.simplices().cell(c);
+      for (int k = 0; k <= Dim; ++k) {
+        if (last_move_[cell[k]] >= sweep) return true;
+      }
+    }
+    return false;
+  }
+
+  [[nodiscard]] Moves move_block(std::size_t block, int half) {
+    Moves sum;
+    for (std::uint32_t i = graph_.blocks[block]; i < graph_.blocks[block + 1]; ++i) {
+      move(graph_.by_block[i], refused_[static_cast<std::size_t>(half)], sum);
+    }
+    return sum;
+  }
+
+  /// \param refused the last sweep with this factor in which each vertex was refused; 0 if it never was
+  void move(std::uint32_t i, std::vector<std::uint32_t>& refused, Moves& moves) {
     const VertexId v = graph_.vertices[i];
     const Vec<Dim> from = points_[v];
     const Vec<Dim> to = targets_[i];
     if (to == from) return;
-    AngleRange limit = limits_[i];
-    for (const std::uint32_t c : strata_.cells()[v]) limit.merge(angles_of(c, v, from));
-    for (const double fraction : {1.0, 0.5, 0.25}) {
-      const Vec<Dim> x = fraction == 1.0 ? to : from + fraction * (to - from);
-      const bool allowed = std::ranges::all_of(strata_.cells()[v], [&](std::uint32_t c) {
-        const AngleRange after = angles_of(c, v, x);
-        return !after.inverted() && after.high <= limit.high && after.low >= limit.low;
-      });
-      if (!allowed) continue;
-      points_[v] = x;
-      ++moves.made;
+    const Cells cells = strata_.cells()[v];
+    if (refused[i] != 0 && !moved_since(cells, refused[i])) {  // it would be refused again
+      ++moves.refused;
       return;
     }
+    AngleRange limit = limits_[i];
+    for (const std::uint32_t c : cells) limit.merge(angles_[c]);
+    thread_local std::vector<AngleRange> after;
+    after.resize(cells.size());
+    std::size_t first = 0;  // what stood against the whole way often stands against half of it
+    for (const double fraction : {1.0, 0.5, 0.25}) {
+      const Vec<Dim> x = fraction == 1.0 ? to : from + fraction * (to - from);
+      const std::size_t against = first_against(cells, first, v, x, limit, after);
+      if (against == cells.size()) {
+        points_[v] = x;
+        last_move_[v] = sweep_;
+        for (std::size_t k = 0; k < cells.size(); ++k) angles_[cells[k]] = after[k];
+        ++moves.made;
+        return;
+      }
+      first = against;
+    }
+    refused[i] = sweep_;
     ++moves.refused;
+  }
+
+  /// Position of a cell whose angles would leave the limit with v at x, looked for from `first` on; cells.size() if
+  /// there is none, and then `after` holds the angles of all.
+  [[nodiscard]] std::size_t first_against(Cells cells, std::size_t first, VertexId v, const Vec<Dim>& x,
+                                          const AngleRange& limit, std::vector<AngleRange>& after) const {
+    for (std::size_t k = 0; k < cells.size(); ++k) {
+      const std::size_t at = k + first < cells.size() ? k + first : k + first - cells.size();
+      after[at] = angles_of(cells[at], v, x);
+      if (!allows(limit, after[at])) return at;
+    }
+    return cells.size();
   }
 
   [[nodiscard]] AngleRange angles_of(std::uint32_t c, VertexId v, const Vec<Dim>& x) const {
@@ -167,9 +223,13 @@ class SubsetSmoother {
   const Strata<Dim>& strata_;
   SubsetGraph graph_;
   double max_displacement_;
+  std::vector<AngleRange>& angles_;
   const Execution& execution_;
   std::vector<Vec<Dim>> start_, targets_;
   std::vector<AngleRange> limits_;
+  std::uint32_t sweep_ = 0;                            ///< from 1
+  std::vector<std::uint32_t> last_move_;               ///< per vertex of the mesh: the sweep in which it moved last
+  std::array<std::vector<std::uint32_t>, 2> refused_;  ///< per half of a step
   SmoothReport::Stage report_;
 };
 
@@ -182,14 +242,16 @@ SmoothReport smooth(Mesh<Dim>& mesh, const SmoothOptions& options, Execution& ex
   SmoothReport report;
   if (options.steps == 0 || mesh.points.empty()) return report;
   const Strata<Dim> strata(mesh, execution);
-  std::vector<AngleRange> worst_at = worst_angles_at(mesh, strata, execution);
+  std::vector<AngleRange> angles = cell_angles(mesh, strata.simplices(), execution);
+  std::vector<AngleRange> worst_at = worst_angles_at(strata, mesh.points.size(), angles, execution);
   const auto smooth_subset = [&](Subset subset, double begin, double end) {
-    SubsetSmoother<Dim> smoother(mesh, strata, strata.graph(subset, execution), options.max_displacement, execution);
+    SubsetSmoother<Dim> smoother(mesh, strata, strata.graph(subset, execution), options.max_displacement, angles,
+                                 execution);
     if (subset != Subset::volume) smoother.allow_worst_of_surroundings(worst_at);
     const bool taubin = subset != Subset::volume && options.smoother == Smoother::taubin;
     for (int step = 0; step < options.steps; ++step) {
-      smoother.sweep(options.lambda);
-      if (taubin) smoother.sweep(options.mu);
+      smoother.sweep(options.lambda, 0);
+      if (taubin) smoother.sweep(options.mu, 1);
       execution.progress(begin + (end - begin) * (step + 1) / options.steps);
     }
     return smoother.report();

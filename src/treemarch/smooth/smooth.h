@@ -41,9 +41,9 @@ struct SmoothReport {
 /// inverts a cell. One of a curve or interface vertex makes no angle (3D: dihedral angle) smaller or larger than the
 /// worst ones of the cells around the cells of the vertex before smoothing, one of a volume vertex none worse than the
 /// worst of its own cells now: so the worst angles of the mesh never get worse. Vertices on the faces of the bounding
-/// box stay on them, bit for bit. Means are taken of one state of the mesh, moves are judged one colour after the
-/// other. \pre the mesh is conforming, positive and fills its bounding box \throw Error(usage) for options out of
-/// range; Error(limits) for too many cells
+/// box stay on them, bit for bit. Means are taken of one state of the mesh, moves are judged one after the other
+/// in blocks of space, which gives the same for any number of threads. \pre the mesh is conforming, positive and fills
+/// its bounding box \throw Error(usage) for options out of range; Error(limits) for too many cells
 template <int Dim>
 SmoothReport smooth(Mesh<Dim>& mesh, const SmoothOptions& options, Execution& execution);
 

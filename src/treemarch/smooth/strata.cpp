@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cmath>
+#include <compare>
 
 #include "treemarch/core/error.h"
 #include "treemarch/core/parallel.h"
@@ -155,41 +157,92 @@ SubsetGraph Strata<Dim>::graph(Subset subset, const Execution& execution) const 
     for (const std::uint64_t end : part.ends) graph.first.push_back(begin + end);
     part = {};
   }
-  colour(graph);
+  find_blocks(graph, execution);
   return graph;
 }
 
-/// First fit in the order of the ids: cheap enough in series, and the same for any number of threads.
+/// The largest distance along each axis between two vertices of the graph that share a cell.
 template <int Dim>
-void Strata<Dim>::colour(SubsetGraph& graph) const {
-  constexpr std::uint16_t kNone = 0xffff;
-  std::vector<std::uint16_t> colour_of(subset_.size(), kNone);
-  std::vector<std::uint32_t> counts;
-  std::vector<std::uint32_t> seen_by;  // per colour: the last vertex with such a neighbour, plus one
-  for (std::size_t i = 0; i < graph.vertices.size(); ++i) {
-    const VertexId v = graph.vertices[i];
-    const auto mark = static_cast<std::uint32_t>(i) + 1;
-    for (const std::uint32_t c : cells_[v]) {
-      for (int k = 0; k <= Dim; ++k) {
-        const std::uint16_t other = colour_of[simplices_.cell(c)[k]];
-        if (other != kNone) seen_by[other] = mark;
+Vec<Dim> Strata<Dim>::widest_pair(const SubsetGraph& graph, const Execution& execution) const {
+  std::vector<std::uint8_t> member(subset_.size(), 0);
+  for (const VertexId v : graph.vertices) member[v] = 1;
+  return parallel_reduce(
+      execution, simplices_.size(), kBlock, Vec<Dim>{},
+      [&](std::int64_t begin, std::int64_t end) {
+        Vec<Dim> widest{};
+        for (std::int64_t c = begin; c < end; ++c) {
+          const VertexId* cell = simplices_.cell(c);
+          for (int a = 0; a <= Dim; ++a) {
+            for (int b = 0; b < a && member[cell[a]]; ++b) {
+              if (!member[cell[b]]) continue;
+              const Vec<Dim> apart = mesh_.points[cell[a]] - mesh_.points[cell[b]];
+              for (int d = 0; d < Dim; ++d) widest[d] = std::max(widest[d], std::abs(apart[d]));
+            }
+          }
+        }
+        return widest;
+      },
+      [](Vec<Dim> a, const Vec<Dim>& b) {
+        for (int d = 0; d < Dim; ++d) a[d] = std::max(a[d], b[d]);
+        return a;
+      });
+}
+
+/// Blocks are boxes of a grid, wider than any two vertices that share a cell are apart; their colour is the parity of
+/// their place. So there are few colours, and the vertices that are treated one after the other lie together. Within a
+/// block they are scattered: in the order of space a sweep would drag the surface along (measured: 8.9 instead of 8.8
+/// degrees off a ball).
+template <int Dim>
+void Strata<Dim>::find_blocks(SubsetGraph& graph, const Execution& execution) const {
+  constexpr double kPerBlock = 2000;  // vertices: their cells fit a cache
+  graph.blocks = graph.colours = {0};
+  if (graph.vertices.empty()) return;
+  Vec<Dim> low = mesh_.points[graph.vertices[0]], high = low;
+  for (const VertexId v : graph.vertices) {
+    for (int d = 0; d < Dim; ++d) {
+      low[d] = std::min(low[d], mesh_.points[v][d]);
+      high[d] = std::max(high[d], mesh_.points[v][d]);
+    }
+  }
+  const double extent = norm(high - low) / std::sqrt(Dim);
+  const double side = extent / std::pow(static_cast<double>(graph.vertices.size()) / kPerBlock + 1, 1.0 / Dim);
+  const Vec<Dim> widest = widest_pair(graph, execution);
+  Coord<Dim> count;
+  Vec<Dim> width;
+  for (int d = 0; d < Dim; ++d) {
+    width[d] = std::max({side, widest[d] * (1 + 1e-6), (high[d] - low[d]) / 1000});
+    count[d] = width[d] > 0 ? static_cast<std::int32_t>((high[d] - low[d]) / width[d]) + 1 : 1;
+  }
+  struct Place {
+    std::uint64_t block;  // colour first
+    std::uint32_t hash, position;
+    auto operator<=>(const Place&) const = default;
+  };
+  std::vector<Place> places(graph.vertices.size());
+  parallel_for(execution, static_cast<std::int64_t>(places.size()), kBlock, [&](std::int64_t i) {
+    Coord<Dim> at;
+    std::uint64_t colour = 0;
+    for (int d = 0; d < Dim; ++d) {
+      const double x = mesh_.points[graph.vertices[static_cast<std::size_t>(i)]][d] - low[d];
+      at[d] = width[d] > 0 ? static_cast<std::int32_t>(x / width[d]) : 0;
+      colour |= static_cast<std::uint64_t>(at[d] & 1) << d;
+    }
+    places[static_cast<std::size_t>(i)] = {colour << 32 | static_cast<std::uint64_t>(linear_index(at, count)),
+                                           static_cast<std::uint32_t>(i) * 2654435761U, static_cast<std::uint32_t>(i)};
+  });
+  parallel_sort(execution, places);
+  graph.by_block.reserve(places.size());
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    if (i > 0 && places[i].block != places[i - 1].block) {
+      graph.blocks.push_back(static_cast<std::uint32_t>(i));
+      if (places[i].block >> 32 != places[i - 1].block >> 32) {
+        graph.colours.push_back(static_cast<std::uint32_t>(graph.blocks.size()) - 1);
       }
     }
-    const auto own = std::ranges::find_if(seen_by, [&](std::uint32_t s) { return s != mark; }) - seen_by.begin();
-    if (own == std::ssize(seen_by)) {
-      seen_by.push_back(0);
-      counts.push_back(0);
-    }
-    colour_of[v] = static_cast<std::uint16_t>(own);
-    ++counts[static_cast<std::size_t>(own)];
+    graph.by_block.push_back(places[i].position);
   }
-  counts.push_back(0);
-  exclusive_scan(std::span(counts));
-  graph.colours = counts;
-  graph.by_colour.resize(graph.vertices.size());
-  for (std::size_t i = 0; i < graph.vertices.size(); ++i) {
-    graph.by_colour[counts[colour_of[graph.vertices[i]]]++] = static_cast<std::uint32_t>(i);
-  }
+  graph.blocks.push_back(static_cast<std::uint32_t>(places.size()));
+  graph.colours.push_back(static_cast<std::uint32_t>(graph.blocks.size()) - 1);
 }
 
 template VertexCells::VertexCells(const CellBlock&, const std::vector<Vec<2>>&);

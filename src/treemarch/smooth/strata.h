@@ -33,11 +33,12 @@ enum class Subset : std::uint8_t { curve, interface, volume, fixed };
 
 /// The vertices of one subset that may move, and their neighbours in it.
 struct SubsetGraph {
-  std::vector<VertexId> vertices;        ///< ascending
-  std::vector<std::uint64_t> first;      ///< where the neighbours of each begin; one more than vertices
-  std::vector<VertexId> neighbours;      ///< ascending for each vertex
-  std::vector<std::uint32_t> by_colour;  ///< positions in `vertices`, grouped by colour, ascending in each
-  std::vector<std::uint32_t> colours;    ///< where each colour begins in by_colour; one more than there are
+  std::vector<VertexId> vertices;       ///< ascending
+  std::vector<std::uint64_t> first;     ///< where the neighbours of each begin; one more than vertices
+  std::vector<VertexId> neighbours;     ///< ascending for each vertex
+  std::vector<std::uint32_t> by_block;  ///< positions in `vertices`, grouped by block of space, scattered in each
+  std::vector<std::uint32_t> blocks;   ///< where each block begins in by_block, grouped by colour; one more than blocks
+  std::vector<std::uint32_t> colours;  ///< where each colour begins in `blocks`; one more than there are
 
   [[nodiscard]] std::span<const VertexId> neighbours_of(std::size_t i) const {
     return {neighbours.data() + first[i], first[i + 1] - first[i]};
@@ -63,7 +64,7 @@ class Strata {
   [[nodiscard]] const CellBlock& simplices() const { return simplices_; }
 
   /// Neighbours along edges of the subset and on the same faces of the box; those in subsets of fewer dimensions are
-  /// among them. Vertices of one colour share no cell.
+  /// among them. Vertices in different blocks of one colour share no cell.
   [[nodiscard]] SubsetGraph graph(Subset subset, const Execution& execution) const;
 
  private:
@@ -71,7 +72,8 @@ class Strata {
   void classify(const Execution& execution);
   /// Appends the neighbours of a vertex; returns false, without any, if it has to stay.
   bool append_neighbours(VertexId v, std::vector<VertexId>& out) const;
-  void colour(SubsetGraph& graph) const;
+  void find_blocks(SubsetGraph& graph, const Execution& execution) const;
+  [[nodiscard]] Vec<Dim> widest_pair(const SubsetGraph& graph, const Execution& execution) const;
 
   const Mesh<Dim>& mesh_;
   const CellBlock& simplices_;
