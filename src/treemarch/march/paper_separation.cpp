@@ -292,7 +292,7 @@ typename PaperSeparation<Dim>::Crossing PaperSeparation<Dim>::nearest_crossing(V
 /// Moves a vertex if no cell at it turns out worse than fair or than the worst one there was.
 template <int Dim>
 bool PaperSeparation<Dim>::move(VertexId v, const Vec<Dim>& to) {
-  static const QualityBound kFair(kFairAngle);
+  static const QualityBound fair(kFairAngle);
   AngleRange before;
   AngleRange after;
   cells_.for_each_cell(v, [&](Index c, int corner) {
@@ -301,8 +301,7 @@ bool PaperSeparation<Dim>::move(VertexId v, const Vec<Dim>& to) {
     x[corner] = to;
     after.merge(angle_range<Dim>(x));
   });
-  if (after.inverted() || after.high > std::max(before.high, kFair.high) ||
-      after.low < std::min(before.low, kFair.low)) {
+  if (after.inverted() || after.high > std::max(before.high, fair.high) || after.low < std::min(before.low, fair.low)) {
     return false;
   }
   points_[v] = to;
@@ -477,10 +476,12 @@ void PaperSeparation<Dim>::split_cell(Index c) {
   Signs sorted;
   for (int i = 0; i <= Dim; ++i) sorted[i] = sign(c, order[i]);
   constexpr auto kEnds = edge_ends<Dim>();
+  Cell ordered;
+  for (int i = 0; i <= Dim; ++i) ordered[i] = cell[order[i]];
   const auto vertex = [&](std::uint8_t corner) {
-    if (corner <= Dim) return cell[order[corner]];
+    if (corner <= Dim) return ordered[corner];
     const auto [a, b] = kEnds[corner - Dim - 1];
-    return cut_vertex(cell[order[a]], cell[order[b]]);
+    return cut_vertex(ordered[a], ordered[b]);
   };
   std::array<Cell, SimplexSplit<Dim>::kMaxPieces> pieces;
   std::array<MaterialId, SimplexSplit<Dim>::kMaxPieces> materials;

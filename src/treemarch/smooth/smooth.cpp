@@ -81,7 +81,8 @@ class SubsetSmoother {
         execution_(execution),
         targets_(graph_.vertices.size()),
         limits_(graph_.vertices.size()),
-        last_move_(points_.size(), 0) {
+        last_move_(points_.size(), 0),
+        against_(graph_.vertices.size(), 0) {
     for (auto& refused : refused_) refused.resize(graph_.vertices.size(), 0);
     for (const VertexId v : graph_.vertices) start_.push_back(points_[v]);
     report_.vertices = static_cast<std::int64_t>(start_.size());
@@ -186,7 +187,8 @@ class SubsetSmoother {
     for (const std::uint32_t c : cells) limit.merge(angles_[c]);
     thread_local std::vector<AngleRange> after;
     after.resize(cells.size());
-    std::size_t first = 0;  // what stood against the whole way often stands against half of it
+    // What stood against it last time, or against the whole way, often stands against it now, or against half of it.
+    std::size_t first = against_[i];
     for (const double fraction : {1.0, 0.5, 0.25}) {
       const Vec<Dim> x = fraction == 1.0 ? to : from + fraction * (to - from);
       const std::size_t against = first_against(cells, first, v, x, limit, after);
@@ -199,6 +201,7 @@ class SubsetSmoother {
       }
       first = against;
     }
+    against_[i] = static_cast<std::uint16_t>(std::min<std::size_t>(first, 0xffff));
     refused[i] = sweep_;
     ++moves.refused;
   }
@@ -230,6 +233,7 @@ class SubsetSmoother {
   std::uint32_t sweep_ = 0;                            ///< from 1
   std::vector<std::uint32_t> last_move_;               ///< per vertex of the mesh: the sweep in which it moved last
   std::array<std::vector<std::uint32_t>, 2> refused_;  ///< per half of a step
+  std::vector<std::uint16_t> against_;                 ///< which of a vertex' cells refused it last
   SmoothReport::Stage report_;
 };
 

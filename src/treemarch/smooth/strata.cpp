@@ -4,7 +4,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
-#include <compare>
+#include <tuple>
 
 #include "treemarch/core/error.h"
 #include "treemarch/core/parallel.h"
@@ -14,9 +14,9 @@ namespace treemarch {
 namespace {
 
 const CellBlock& find_simplices(const std::vector<CellBlock>& blocks, CellType simplex) {
-  static const CellBlock kEmpty;
+  static const CellBlock empty;
   const auto found = std::ranges::find(blocks, simplex, &CellBlock::type);
-  return found == blocks.end() ? kEmpty : *found;
+  return found == blocks.end() ? empty : *found;
 }
 
 /// A neighbour and up to three of the materials around the edge to it.
@@ -95,8 +95,7 @@ void Strata<Dim>::classify(const Execution& execution) {
     for (const std::uint32_t c : cells_[v]) around.add(simplices_.materials[c]);
     const int left = Dim - std::popcount(pinned(v)) - (around.count - 1);
     if (left < 1) return;
-    constexpr Subset kSubset[] = {Subset::volume, Subset::interface, Subset::curve};
-    subset_[v] = kSubset[around.count - 1];
+    subset_[v] = around.count == 1 ? Subset::volume : around.count == 2 ? Subset::interface : Subset::curve;
   });
   for (const CellBlock& block : mesh_.blocks) {
     if (block.type == kSimplex<Dim>) continue;
@@ -216,7 +215,9 @@ void Strata<Dim>::find_blocks(SubsetGraph& graph, const Execution& execution) co
   struct Place {
     std::uint64_t block;  // colour first
     std::uint32_t hash, position;
-    auto operator<=>(const Place&) const = default;
+    bool operator<(const Place& other) const {
+      return std::tie(block, hash, position) < std::tie(other.block, other.hash, other.position);
+    }
   };
   std::vector<Place> places(graph.vertices.size());
   parallel_for(execution, static_cast<std::int64_t>(places.size()), kBlock, [&](std::int64_t i) {
