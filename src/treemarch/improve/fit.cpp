@@ -171,12 +171,14 @@ void Fitter<Dim>::find_facets() {
   };
   std::vector<float> excess(mesh_.points.size(), 0);  // sum of the lengths above the limit
   const auto for_facets = [&](auto&& use) {
-    for (const FacetBlock& block : blocks)
+    for (const FacetBlock& block : blocks) {
+      if (vertex_count(block.type) != Dim) continue;  // of cells that stay as they are
       for (std::int64_t i = 0; i < block.size(); ++i) {
         const VertexId* v = block.vertices.data() + i * Dim;
         const auto p = points_of(v);
         if (block.second[i] != kOutside || (options_.outside != kOutside && !lies_on_box(p))) use(block, i, v, p);
       }
+    }
   };
   for_facets([&](const FacetBlock&, std::int64_t, const VertexId* v, const std::array<Vec<Dim>, Dim>& p) {
     const auto above = static_cast<float>(std::sqrt(longest_edge2<Dim>(p)) / voxel_ - kFine);
@@ -401,7 +403,7 @@ bool Fitter<Dim>::find_place(const Patch<Dim>& patch, VertexId v, Vec<Dim>& x) c
 template <int Dim>
 FitReport fit_interfaces(Mesh<Dim>& mesh, const Field<Dim>& field, const Vec<Dim>& box, const FitOptions& options,
                          Execution& execution) {
-  if (mesh.blocks.empty() || options.quality <= 0 || field.linear_along_edges()) return {};
+  if (mesh.blocks.empty() || mesh.blocks[0].type != kSimplex<Dim> || options.quality <= 0 || field.linear_along_edges()) return {};
   return Fitter<Dim>(mesh, field, box, options, execution).run();
 }
 

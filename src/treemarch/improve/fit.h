@@ -28,7 +28,7 @@ struct FitReport {
 /// it. Small facets follow the field, facets of several voxels the voxels themselves. Vertices
 /// with small facets, 1.4 voxels on average, are left alone. Vertices on the box stay on their sides of it; nothing but
 /// positions changes. The same result for any number of threads. \param box the upper corner of the image's box, the
-/// lower one is 0. \pre as for improve(): one block, of simplices, all positive.
+/// lower one is 0. \pre as for improve(): simplices come first and are positive.
 template <int Dim>
 FitReport fit_interfaces(Mesh<Dim>& mesh, const Field<Dim>& field, const Vec<Dim>& box, const FitOptions& options,
                          Execution& execution);

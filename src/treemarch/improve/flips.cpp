@@ -185,6 +185,7 @@ bool flip_facet(Patch<Dim>& patch, CellId c, int corner) {
 }
 
 bool remove_edge(Patch<3>& patch, VertexId a, VertexId b, const Vec<3>& box) {
+  if (patch.fixed(a) && patch.fixed(b)) return false;
   const Ring ring = ring_around(patch, a, b);
   if (ring.cells.size() < 2) return false;
   std::vector<NewCell<3>> cells;
@@ -216,6 +217,7 @@ bool remove_edge(Patch<3>& patch, VertexId a, VertexId b, const Vec<3>& box) {
 
 template <int Dim>
 bool collapse_edge(Patch<Dim>& patch, VertexId u, VertexId v, const Vec<Dim>& box) {
+  if (patch.fixed(u)) return false;
   const auto star = patch.star(u);
   const MaterialId material = patch.material(star[0]);
   if (std::ranges::any_of(star, [&](CellId c) { return patch.material(c) != material; })) return false;

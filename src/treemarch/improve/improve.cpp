@@ -270,7 +270,7 @@ ImproveReport improve(Mesh<Dim>& mesh, const Field<Dim>& field, const Vec<Dim>& 
                       Execution& execution) {
   if (!(options.quality <= 60))
     throw Error(ErrorKind::usage, "--quality: must be at most 60 degrees, and 20 to 25 is what can be reached");
-  if (options.quality <= 0 || mesh.blocks.empty()) return {};
+  if (options.quality <= 0 || mesh.blocks.empty() || mesh.blocks[0].type != kSimplex<Dim>) return {};
   return Improver<Dim>(mesh, field, box, options, execution).run();
 }
 

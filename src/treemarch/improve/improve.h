@@ -45,7 +45,8 @@ struct ImproveReport {
 /// a tenth of a voxel. Facets with one cell that do not lie on the box are interfaces to what was left out of the mesh.
 /// \param box the upper corner of the image's box, the lower one is 0; vertices on it have exactly its coordinates, up
 /// to rounding.
-/// \pre the mesh has one block, of simplices, all positive.
+/// Cells other than simplices, and their vertices, stay as they are.
+/// \pre simplices come first and are positive.
 /// \throw Error(usage) if the target is above 60.
 /// The result is the same for any number of threads, unless options.seconds ends it.
 template <int Dim>

@@ -18,6 +18,9 @@ Patch<Dim>::Patch(Mesh<Dim>& mesh, std::vector<VertexId> chosen, const Execution
   slot_.assign(mesh.points.size(), 0);
   for (std::size_t s = 0; s < chosen_.size(); ++s) slot_[chosen_[s]] = static_cast<std::uint32_t>(s + 1);
   stars_.resize(chosen_.size());
+  if (mesh.blocks.size() > 1) fixed_.assign(mesh.points.size(), 0);
+  for (std::size_t b = 1; b < mesh.blocks.size(); ++b)
+    for (const VertexId v : mesh.blocks[b].vertices) fixed_[v] = 1;
   collect(execution);
 }
 
@@ -208,7 +211,7 @@ template <int Dim>
 void Patch<Dim>::list_removed(Removed& removed) const {
   removed.cells.insert(removed.cells.end(), free_.begin(), free_.end());
   for (std::size_t s = 0; s < chosen_.size(); ++s)
-    if (stars_[s].size == 0) removed.vertices.push_back(chosen_[s]);
+    if (stars_[s].size == 0 && !fixed(chosen_[s])) removed.vertices.push_back(chosen_[s]);
 }
 
 template <int Dim>
@@ -241,10 +244,11 @@ void compact(Mesh<Dim>& mesh, Removed removed, const Execution& execution) {
     moved.push_back(v);
   }
   mesh.points.resize(count);
-  parallel_for(execution, static_cast<std::int64_t>(block.vertices.size()), 1 << 16, [&](std::int64_t i) {
-    VertexId& v = block.vertices[i];
-    if (v >= count) v = unused[std::ranges::lower_bound(moved, v) - moved.begin()];
-  });
+  for (CellBlock& cells : mesh.blocks)
+    parallel_for(execution, static_cast<std::int64_t>(cells.vertices.size()), 1 << 16, [&](std::int64_t i) {
+      VertexId& v = cells.vertices[i];
+      if (v >= count) v = unused[std::ranges::lower_bound(moved, v) - moved.begin()];
+    });
 }
 
 template void compact(Mesh<2>&, Removed, const Execution&);

@@ -34,8 +34,8 @@ struct Removed {
 template <int Dim>
 void compact(Mesh<Dim>& mesh, Removed removed, const Execution& execution);
 
-/// Works on the mesh itself; dead cells stay there until compact(). Vertices that are not chosen have no star here;
-/// nothing else limits them.
+/// Works on the simplices of the mesh itself, its first block; dead cells stay there until compact(). Vertices that are
+/// not chosen have no star here; nothing else limits them.
 template <int Dim>
 class Patch {
  public:
@@ -57,6 +57,9 @@ class Patch {
     return v;
   }
   [[nodiscard]] MaterialId material(CellId c) const { return block_.materials[c]; }
+  /// Whether other cells than simplices have the vertex: then it must not move. All cells around other vertices, and
+  /// around edges to them, are here.
+  [[nodiscard]] bool fixed(VertexId v) const { return v < fixed_.size() && fixed_[v] != 0; }
   [[nodiscard]] bool alive(CellId c) const { return block_.vertices[std::size_t{c} * (Dim + 1)] != kNoVertex; }
   [[nodiscard]] const Vec<Dim>& point(VertexId v) const { return mesh_.points[v]; }
   [[nodiscard]] AngleRange angles(const SimplexVertices<Dim>& v) const {
@@ -111,6 +114,7 @@ class Patch {
   Mesh<Dim>& mesh_;
   CellBlock& block_;
   std::vector<VertexId> chosen_;
+  std::vector<std::uint8_t> fixed_;  // of every vertex; empty where all cells are simplices
   std::vector<std::uint32_t> slot_;  // of every vertex of the mesh: 1 + place in chosen_
   std::vector<Star> stars_;
   std::vector<CellId> pool_;

@@ -194,7 +194,7 @@ bool Remesher<Dim>::split(CellId c) {
   const SimplexVertices<Dim> v = patch_.cell(c);
   for (int i = 0; i <= Dim; ++i)
     for (int j = i + 1; j <= Dim; ++j)
-      if (patch_.has_star(v[i]) && patch_.has_star(v[j]))
+      if (patch_.has_star(v[i]) && patch_.has_star(v[j]) && !(patch_.fixed(v[i]) && patch_.fixed(v[j])))
         edges.push_back({squared_norm(patch_.point(v[i]) - patch_.point(v[j])), v[i], v[j]});
   std::ranges::stable_sort(edges, std::greater<>(), &Edge::length);
   return std::ranges::any_of(edges, [&](const Edge& e) { return attempt(c, [&] { split_edge(e.a, e.b); }); });

@@ -136,7 +136,7 @@ class Repairer {
 template <int Dim>
 RepairReport repair_topology(Mesh<Dim>& mesh, const LabelImage<Dim>& image, const RepairOptions& options,
                              Execution& execution) {
-  if (mesh.blocks.empty()) return {};
+  if (mesh.blocks.empty() || mesh.blocks[0].type != kSimplex<Dim>) return {};
   return Repairer<Dim>(mesh, image, options, execution).run();
 }
 

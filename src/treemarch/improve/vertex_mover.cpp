@@ -185,12 +185,14 @@ class Search {
 template <int Dim>
 bool find_better_place(const Patch<Dim>& patch, VertexId v, const Field<Dim>& field, const Vec<Dim>& box,
                        const MoveLimits& limits, bool loose, const Vec<Dim>& start, Vec<Dim>& x) {
+  if (patch.fixed(v)) return false;
   return Search<Dim>(patch, v, field, box, limits, loose, start).run(x);
 }
 
 template <int Dim>
 bool find_nearer_place(const Patch<Dim>& patch, VertexId v, const Field<Dim>& field, const Vec<Dim>& box,
                        const MoveLimits& limits, const Vec<Dim>& start, Vec<Dim>& x) {
+  if (patch.fixed(v)) return false;
   const Vec<Dim> here = patch.point(v);
   const Stratum stratum = stratum_of(patch, v, box, field);
   const Constraint<Dim> constraint(field, stratum, here);
