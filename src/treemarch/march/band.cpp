@@ -11,7 +11,7 @@ template <int Dim>
 Band<Dim>::Band(const SimplexLattice<Dim>& lattice, const VertexLabels& labels, Execution& execution)
     : lattice_(lattice),
       labels_(labels),
-      first_far_(block_count(static_cast<std::int64_t>(lattice.leaves.size()), kBlock)) {
+      first_far_(block_count(static_cast<std::int64_t>(lattice.leaves.size()), kLeavesPerBlock)) {
   const auto blocks = static_cast<std::int64_t>(first_far_.size());
   std::vector<Part> parts(blocks);
   parallel_for_ranges(execution, blocks, 1, [&](std::int64_t begin, std::int64_t end) {

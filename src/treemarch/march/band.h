@@ -15,6 +15,9 @@
 
 namespace treemarch {
 
+/// Leaves are worked on in blocks of so many, wherever the order of their simplices counts.
+inline constexpr std::int64_t kLeavesPerBlock = 2048;
+
 /// The simplices of a lattice whose vertices do not all have the same single label. All others, the far ones, lie in
 /// one material and have not changed; they are only counted, and listed by for_far() when they are wanted.
 template <int Dim>
@@ -33,6 +36,8 @@ class Band {
   /// Triangles with three cuts, ascending.
   [[nodiscard]] const std::vector<Triangle>& triangles() const { return triangles_; }
   [[nodiscard]] std::int64_t far_count() const { return far_count_; }
+  /// How many far simplices come before each block of leaves.
+  [[nodiscard]] const std::vector<std::int64_t>& first_far() const { return first_far_; }
 
   /// Calls visit(number, simplex, material) for each far simplex, from several threads; numbers are 0 to far_count().
   template <class Visit>
@@ -46,7 +51,6 @@ class Band {
   }
 
  private:
-  static constexpr std::int64_t kBlock = 2048;  // leaves
   struct Part {
     std::vector<Simplex> simplices;
     std::vector<std::uint8_t> cuts;
@@ -60,7 +64,7 @@ class Band {
   void sort_block(std::int64_t block, Near&& near, Far&& far) const {
     std::array<Simplex, LeafStar<Dim>::kMostSimplices> listed;
     const auto n = static_cast<std::int64_t>(lattice_.leaves.size());
-    for (std::int64_t leaf = block * kBlock; leaf < std::min(n, (block + 1) * kBlock); ++leaf) {
+    for (std::int64_t leaf = block * kLeavesPerBlock; leaf < std::min(n, (block + 1) * kLeavesPerBlock); ++leaf) {
       const LeafStar<Dim> star = lattice_.star(static_cast<LeafId>(leaf));
       const bool all_far = star.all_of([&](VertexId v) { return labels_.same_single(v, star.centre); });
       const int count = star.simplices(listed);

@@ -36,6 +36,8 @@ CellBlock without(const CellBlock& block, MaterialId material, const Execution& 
   return result;
 }
 
+}  // namespace
+
 template <int Dim>
 void drop_unused_points(Mesh<Dim>& mesh, const Execution& execution) {
   std::vector<VertexId> number(mesh.points.size());
@@ -60,8 +62,6 @@ void drop_unused_points(Mesh<Dim>& mesh, const Execution& execution) {
   }
 }
 
-}  // namespace
-
 template <int Dim>
 void drop_material(Mesh<Dim>& mesh, MaterialId material, Execution& execution) {
   const Execution::Stage stage(execution, "drop background");
@@ -70,6 +70,8 @@ void drop_material(Mesh<Dim>& mesh, MaterialId material, Execution& execution) {
   drop_unused_points(mesh, execution);
 }
 
+template void drop_unused_points(Mesh<2>&, const Execution&);
+template void drop_unused_points(Mesh<3>&, const Execution&);
 template void drop_material(Mesh<2>&, MaterialId, Execution&);
 template void drop_material(Mesh<3>&, MaterialId, Execution&);
 template void drop_material(Mesh<4>&, MaterialId, Execution&);

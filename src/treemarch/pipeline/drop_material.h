@@ -12,4 +12,8 @@ namespace treemarch {
 template <int Dim>
 void drop_material(Mesh<Dim>& mesh, MaterialId material, Execution& execution);
 
+/// Takes the points without a cell out of a mesh; the others keep their order.
+template <int Dim>
+void drop_unused_points(Mesh<Dim>& mesh, const Execution& execution);
+
 }  // namespace treemarch

@@ -12,6 +12,7 @@
 #include "treemarch/improve/repair_topology.h"
 #include "treemarch/march/cut.h"
 #include "treemarch/march/quality_floor.h"
+#include "treemarch/march/whole_cells.h"
 #include "treemarch/pipeline/drop_material.h"
 #include "treemarch/pipeline/make_field.h"
 #include "treemarch/pipeline/methods.h"
@@ -123,7 +124,8 @@ Mesh<Dim> shape_mesh(const Shaping<Dim>& how, SimplexLattice<Dim>& lattice, bool
   CutOptions cut;
   cut.quality_floor = report.quality_floor;
   Mesh<Dim> mesh = cut_lattice(lattice, field, how.image.labels, cut, report.cut, execution);
-  if (last) lattice = {};
+  const bool hybrid = how.options.elements == Elements::hybrid;
+  if (last && !hybrid) lattice = {};
 
   stage.emplace(execution, "topology");
   RepairOptions repair;
@@ -131,10 +133,14 @@ Mesh<Dim> shape_mesh(const Shaping<Dim>& how, SimplexLattice<Dim>& lattice, bool
   repair.left_out = how.left_out;
   report.repair = repair_topology(mesh, how.image, repair, execution);
   std::int64_t far_cells = report.cut.far_cells;
+  if (hybrid) far_cells = keep_whole<Dim>(mesh, lattice, report.cut.first_far, execution);
+  if (last) lattice = {};
   if (how.left_out != kOutside) {
     const auto materials = mesh.blocks[0].materials.begin();
     far_cells -= std::count(materials, materials + far_cells, how.left_out);
     drop_material(mesh, how.left_out, execution);
+  } else if (hybrid) {
+    drop_unused_points(mesh, execution);
   }
 
   stage.emplace(execution, "improve");

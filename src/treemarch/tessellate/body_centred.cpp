@@ -161,28 +161,66 @@ void face_between_levels(const LeafStar<3>& star, int axis, int up, Emit&& emit)
   }
 }
 
+/// Calls emit(simplex) for those of one face.
+template <int Dim, class Emit>
+void for_simplices(const LeafStar<Dim>& star, int face, Emit&& emit) {
+  using Simplex = typename LeafStar<Dim>::Simplex;
+  const int axis = face / 2, upper = face % 2;
+  if constexpr (Dim == 2) {
+    for_rim(star, axis, upper, [&](VertexId a, VertexId b) {
+      emit((axis == 0) == (upper == 1) ? Simplex{star.centre, a, b} : Simplex{star.centre, b, a});
+    });
+  } else {
+    const VertexId across = star.across[face];
+    if (across == LeafStar<Dim>::kNone) return;
+    if (star.split >> face & 1)
+      face_between_levels(star, axis, upper, emit);
+    else
+      for_rim(star, axis, upper, [&](VertexId a, VertexId b) {
+        emit(upper ? Simplex{star.centre, a, b, across} : Simplex{star.centre, b, a, across});
+      });
+  }
+}
+
 }  // namespace
 
 template <int Dim>
 int LeafStar<Dim>::simplices(std::array<Simplex, kMostSimplices>& out) const {
   int n = 0;
-  for (int face = 0; face < kFaces; ++face) {
-    const int axis = face / 2, upper = face % 2;
-    if constexpr (Dim == 2) {
-      for_rim(*this, axis, upper, [&](VertexId a, VertexId b) {
-        out[n++] = (axis == 0) == (upper == 1) ? Simplex{centre, a, b} : Simplex{centre, b, a};
-      });
-    } else {
-      if (across[face] == kNone) continue;
-      if (split >> face & 1)
-        face_between_levels(*this, axis, upper, [&](const Simplex& s) { out[n++] = s; });
-      else
-        for_rim(*this, axis, upper, [&](VertexId a, VertexId b) {
-          out[n++] = upper ? Simplex{centre, a, b, across[face]} : Simplex{centre, b, a, across[face]};
-        });
-    }
-  }
+  for (int face = 0; face < kFaces; ++face) for_simplices(*this, face, [&](const Simplex& s) { out[n++] = s; });
   return n;
+}
+
+template <int Dim>
+int LeafStar<Dim>::simplices(int face, std::array<Simplex, kMostSimplices>& out) const {
+  int n = 0;
+  for_simplices(*this, face, [&](const Simplex& s) { out[n++] = s; });
+  return n;
+}
+
+template <int Dim>
+std::array<VertexId, LeafStar<Dim>::kCorners / 2> LeafStar<Dim>::rim(int face) const {
+  std::array<VertexId, kCorners / 2> round;
+  const auto ring = face_ring<Dim>(face / 2, face % 2);
+  for (std::size_t k = 0; k < ring.size(); ++k) round[k] = corner[ring[k]];
+  return round;
+}
+
+template <int Dim>
+bool LeafStar<Dim>::is_halved(int face) const {
+  if (!hanging) return false;
+  const auto ring = face_ring<Dim>(face / 2, face % 2);
+  for (std::size_t k = 0; k < ring.size(); ++k)
+    if (middle[edge_between(ring[k], ring[(k + 1) % ring.size()])] != kNone) return true;
+  return false;
+}
+
+template <int Dim>
+std::array<VertexId, LeafStar<Dim>::kCorners> LeafStar<Dim>::box() const {
+  constexpr std::array<int, 8> kOrder{0, 1, 3, 2, 4, 5, 7, 6};
+  std::array<VertexId, kCorners> cell;
+  for (int k = 0; k < kCorners; ++k) cell[k] = corner[kOrder[k]];
+  return cell;
 }
 
 template <int Dim>

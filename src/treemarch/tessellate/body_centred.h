@@ -59,8 +59,16 @@ struct LeafStar {
     for_vertices([&](VertexId v) { all &= test(v); });
     return all;
   }
-  /// Lists the simplices and returns how many there are.
+  /// Lists the simplices, one face after the other, and returns how many there are.
   int simplices(std::array<Simplex, kMostSimplices>& out) const;
+  /// Those of one face alone.
+  int simplices(int face, std::array<Simplex, kMostSimplices>& out) const;
+  /// The corners of a face in the order in which they go around it: counter-clockwise about its axis.
+  [[nodiscard]] std::array<VertexId, kCorners / 2> rim(int face) const;
+  /// Whether a vertex hangs on the rim of a face.
+  [[nodiscard]] bool is_halved(int face) const;
+  /// All corners in the order of a quad or hexahedron.
+  [[nodiscard]] std::array<VertexId, kCorners> box() const;
   /// Calls visit(u, v) for edges of the lattice around the leaf. Over all leaves every edge is met, most of them once.
   template <class Visit>
   void for_edges(Visit&& visit) const {
