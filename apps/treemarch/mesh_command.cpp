@@ -115,6 +115,7 @@ Report make_report(const MeshCommandOptions& options, const std::vector<std::pai
   describe_mesh(result.mesh, report);
   report.mesh_seconds = result.seconds;
   report.guarantee = result.guarantee;
+  report.shift = result.shift;
   {
     const Execution::Stage stage(execution, "measure");
     // The unit of time says nothing about shapes: in four dimensions they are those of the inner frame.

@@ -79,9 +79,11 @@ void add_mesh_options(CLI::App& mesh, MeshTextOptions& o) {
                      "How the image is meshed")
       ->default_str("guaranteed");
   add_choice<Elements>(mesh, "--elements", o.plain.elements,
-                       {{"tet", Elements::simplices}, {"hybrid", Elements::hybrid}},
-                       "Tetrahedra alone, or hexahedra where no surface comes, with pyramids between")
+                       {{"tet", Elements::simplices}, {"hybrid", Elements::hybrid}, {"hex", Elements::boxes}},
+                       "Tetrahedra, tetrahedra at surfaces and hexahedra elsewhere, or hexahedra alone")
       ->default_str("tet");
+  mesh.add_option("--shift", o.plain.shift,
+                  "hex: move vertices onto surfaces by at most this part of a cell, below 0.5");
   mesh.add_option("--min-size", o.min_size,
                   "Smallest cells: 2mm, 2um, 2vox, a bare number is mm; default: as the image's structures ask");
   mesh.add_option("--max-size", o.max_size, "Largest cells; default by the method");

@@ -183,6 +183,8 @@ TEST(MeshImage, HybridMeshesAreSoundAndSmaller) {
     expect_good_hybrid(testing::ball_image<3>({22, 21, 20}, 0.3, 5), options);
     expect_good_hybrid(testing::ball_image<3>({22, 21, 10}, 0.3, 5, solid), options);
   }
+  expect_good_hybrid(testing::ball_image<2>({41, 38}, 0.3, 5), {});
+  expect_good_hybrid(testing::ball_image<3>({26, 25, 24}, 0.3, 5), {});
 }
 
 TEST(MeshImage, StopsWhenItIsAskedTo) {
@@ -207,7 +209,11 @@ TEST(MeshImage, RefusesOptionsThatContradict) {
   refuses([](MeshOptions& o) { o.balance = 2; });
   refuses([](MeshOptions& o) { o.order = MaterialOrder::label; });
   refuses([](MeshOptions& o) { o.first = {1}; });
-  refuses([](MeshOptions& o) { o.elements = Elements::hybrid; });
+  refuses([](MeshOptions& o) { o.method = Method::hege, o.elements = Elements::hybrid; });
+  refuses([](MeshOptions& o) { o.shift = 0.3; });
+  refuses([](MeshOptions& o) { o.elements = Elements::boxes, o.shift = 0.5; });
+  refuses([](MeshOptions& o) { o.elements = Elements::boxes, o.snap = 0.2; });
+  refuses([](MeshOptions& o) { o.elements = Elements::boxes, o.quality = 25; });
   refuses([](MeshOptions& o) { o.smooth = 2; });
   refuses([](MeshOptions& o) { o.sizes.material_size = {0, -1}; });
 }

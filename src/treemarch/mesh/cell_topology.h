@@ -2,6 +2,7 @@
 /// Facets and corners of the cell types, as tables: what differs between dimensions and shapes is data, not code.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 
@@ -105,7 +106,8 @@ template <int Dim, class Index>
   return determinant<Dim>(edges);
 }
 
-/// Signed volume (area, length) of a cell; of a quad, pyramid or hexahedron exactly that of its flat-faced shape.
+/// Signed volume (area, length) of a cell. Where four corners of a face are not in one plane, the face is the bilinear
+/// one, which lies in the middle between its two ways of being split: so neighbours agree and volumes add up.
 /// \pre dimension(type) == Dim.
 template <int Dim>
 [[nodiscard]] double cell_volume(const Vec<Dim>* points, CellType type, const VertexId* v) {
@@ -119,13 +121,47 @@ template <int Dim>
   if (type == CellType::quad) {
     sum = part({0, 1, 2}) + part({0, 2, 3});
   } else if (type == CellType::pyramid) {
-    sum = part({0, 1, 2, 4}) + part({0, 2, 3, 4});
+    sum = part({0, 1, 2, 4}) + part({0, 2, 3, 4}) + part({0, 1, 3, 4}) + part({1, 2, 3, 4});
+    sum /= 2;
   } else if (type == CellType::hexahedron) {
-    sum = part({0, 1, 3, 4}) + part({1, 2, 3, 6}) + part({1, 6, 3, 4}) + part({1, 6, 4, 5}) + part({3, 4, 6, 7});
+    sum = part({0, 1, 3, 4}) + part({1, 2, 3, 6}) + part({1, 6, 3, 4}) + part({1, 6, 4, 5}) + part({3, 4, 6, 7}) +
+          part({1, 2, 0, 5}) + part({0, 2, 3, 7}) + part({0, 5, 2, 7}) + part({0, 5, 7, 4}) + part({2, 7, 5, 6});
+    sum /= 2;
   } else {
     sum = part({0, 1, 2, 3, 4});
   }
   return sum / kFactorial[Dim];
+}
+
+/// The determinants of the edges at the corners of a cell, over the product of their lengths: 1 where they are at right
+/// angles, 0 where they are in one plane, negative where the corner is inverted. A simplex has one corner, the apex of
+/// a pyramid has none.
+struct CornerJacobians {
+  double min_scaled = 2;    ///< the smallest of them: the scaled Jacobian
+  double min = 0, max = 0;  ///< of the determinants themselves
+
+  /// The smallest determinant over the largest: 1 for a parallelepiped.
+  [[nodiscard]] double ratio() const { return max > 0 ? min / max : -1; }
+};
+
+/// \pre dimension(type) == Dim.
+template <int Dim>
+[[nodiscard]] CornerJacobians corner_jacobians(const std::array<Vec<Dim>, 8>& points, CellType type) {
+  CornerJacobians j;
+  const CellTopology& shape = topology(type);
+  for (int c = 0; c < shape.corner_count; ++c) {
+    std::array<Vec<Dim>, Dim> edges;
+    double lengths = 1;
+    for (int i = 0; i < Dim; ++i) {
+      edges[i] = points[shape.corners[c][i + 1]] - points[shape.corners[c][0]];
+      lengths *= norm(edges[i]);
+    }
+    const double d = determinant<Dim>(edges);
+    j.min_scaled = std::min(j.min_scaled, lengths > 0 ? d / lengths : 0);
+    j.min = c == 0 ? d : std::min(j.min, d);
+    j.max = c == 0 ? d : std::max(j.max, d);
+  }
+  return j;
 }
 
 }  // namespace treemarch

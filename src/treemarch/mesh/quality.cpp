@@ -106,6 +106,14 @@ void keep_worst(std::vector<WorstCell>& cells, std::size_t count) {
   if (cells.size() > count) cells.resize(count);
 }
 
+void add(JacobianQuality& a, const JacobianQuality& b) {
+  a.cells += b.cells;
+  a.min_scaled = std::min(a.min_scaled, b.min_scaled);
+  a.min_ratio = std::min(a.min_ratio, b.min_ratio);
+  a.mean_scaled += b.mean_scaled;  // sums, until the end
+  a.mean_ratio += b.mean_ratio;
+}
+
 MeshQuality joined(MeshQuality a, const MeshQuality& b, std::size_t worst_count) {
   a.angles.add(b.angles);
   for (int i = 0; i < 180; ++i) {
@@ -113,6 +121,7 @@ MeshQuality joined(MeshQuality a, const MeshQuality& b, std::size_t worst_count)
     a.largest[i] += b.largest[i];
   }
   a.mean_smallest += b.mean_smallest;  // sums, until the end
+  for (std::size_t t = 0; t < a.jacobians.size(); ++t) add(a.jacobians[t], b.jacobians[t]);
   a.worst.insert(a.worst.end(), b.worst.begin(), b.worst.end());
   keep_worst(a.worst, worst_count);
   return a;
@@ -132,6 +141,10 @@ MeshQuality measure_block(const Mesh<Dim>& mesh, const CellBlock& block, const F
       ++q.smallest[bin(angles.min)];
       ++q.largest[bin(angles.max)];
       q.mean_smallest += angles.min;
+      if (topology(block.type).corner_count > 1) {
+        const CornerJacobians j = corner_jacobians<Dim>(p, block.type);
+        add(q.jacobians[static_cast<std::size_t>(block.type)], {1, j.min_scaled, j.min_scaled, j.ratio(), j.ratio()});
+      }
       q.worst.push_back({block.type, c, angles, {}, 0});
       if (q.worst.size() >= 4 * worst_count + 64) keep_worst(q.worst, worst_count);
     }
@@ -167,6 +180,11 @@ MeshQuality measure_quality(const Mesh<Dim>& mesh, const Frame<Dim>& frame, int 
   for (const CellBlock& block : mesh.blocks)
     quality = joined(std::move(quality), measure_block(mesh, block, frame, count, execution), count);
   if (mesh.cell_count()) quality.mean_smallest /= static_cast<double>(mesh.cell_count());
+  for (JacobianQuality& j : quality.jacobians) {
+    if (j.cells == 0) continue;
+    j.mean_scaled /= static_cast<double>(j.cells);
+    j.mean_ratio /= static_cast<double>(j.cells);
+  }
   for (WorstCell& w : quality.worst) {
     const CellBlock& block =
         *std::find_if(mesh.blocks.begin(), mesh.blocks.end(), [&](const CellBlock& b) { return b.type == w.type; });

@@ -43,12 +43,20 @@ struct WorstCell {
   std::int32_t label = 0;
 };
 
+/// How far the corners of the cells of one type are from right angles (mesh/cell_topology.h).
+struct JacobianQuality {
+  std::int64_t cells = 0;
+  double min_scaled = 1, mean_scaled = 0;  ///< over the cells, of their scaled Jacobians
+  double min_ratio = 1, mean_ratio = 0;    ///< of the smallest over the largest determinant within a cell
+};
+
 struct MeshQuality {
   DegreeRange angles;  ///< of all cells; {180, 0} where there are none
   /// Cells by their smallest and their largest angle, in bins of one degree.
   std::array<std::int64_t, 180> smallest{}, largest{};
-  double mean_smallest = 0;      ///< mean over the cells of their smallest angle
-  std::vector<WorstCell> worst;  ///< the cells with the smallest angles, worst first
+  double mean_smallest = 0;                    ///< mean over the cells of their smallest angle
+  std::array<JacobianQuality, 7> jacobians{};  ///< by type of cell, of those with several corners
+  std::vector<WorstCell> worst;                ///< the cells with the smallest angles, worst first
 };
 
 /// True angles, that is those in the world: a sheared frame distorts them.

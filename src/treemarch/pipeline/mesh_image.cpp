@@ -40,7 +40,6 @@ void check_guaranteed(const MeshOptions& options) {
   if (options.smooth) refuse("--smooth: is not done");
   if (!options.weights.empty()) refuse("--weight: has no meaning");
   if (options.order != MaterialOrder::largest || !options.first.empty()) refuse("--order: has no meaning");
-  if (options.elements != Elements::simplices) refuse("--elements: must be tet");
   if (!(options.quality_floor >= 0 && options.quality_floor <= kMostQualityFloor))
     throw Error(ErrorKind::usage, "--quality-floor: must be from 0 to 18.4, the bound that is proved");
   if (!(options.quality >= 0 && options.quality <= kMostQuality))
@@ -55,6 +54,32 @@ void check_others(const MeshOptions& options) {
     throw Error(ErrorKind::usage, "--preserve-volume: is done with --method guaranteed alone; choose that");
 }
 
+/// Boxes are neither cut nor improved.
+void check_boxes(const MeshOptions& options) {
+  const auto refuse = [](const std::string& option) {
+    throw Error(ErrorKind::usage, option + ": is not used by --elements hex; leave it out");
+  };
+  const MeshOptions usual;
+  if (options.method != Method::guaranteed && options.method != Method::paper) refuse("--method for a reference");
+  if (options.snap) refuse("--snap");
+  if (options.smooth) refuse("--smooth");
+  if (options.order != usual.order || !options.first.empty()) refuse("--order");
+  if (options.quality != usual.quality) refuse("--quality");
+  if (options.quality_floor != usual.quality_floor) refuse("--quality-floor");
+  if (options.min_component != usual.min_component) refuse("--min-component");
+  if (options.closed_border) refuse("--border");
+  if (options.field && options.shift == 0) refuse("--field without --shift");
+  if (options.field == FieldKind::solid_angle)
+    throw Error(ErrorKind::usage, "--field: solid-angle gives no surface to shift to; choose another");
+}
+
+void check_shift(const MeshOptions& options) {
+  if (!(options.shift >= 0 && options.shift < 0.5))
+    throw Error(ErrorKind::usage, "--shift: must be at least 0 and below 0.5");
+  if (options.shift > 0 && options.elements != Elements::boxes)
+    throw Error(ErrorKind::usage, "--shift: is for --elements hex; leave it out");
+}
+
 }  // namespace
 
 template <int Dim>
@@ -65,24 +90,29 @@ MeshResult<Dim> mesh_image(const LabelImage<Dim>& image, const MeshOptions& opti
   (void)parse_pattern<Dim>(options.pattern);
   if (Dim == 4 && options.method != Method::paper)
     throw Error(ErrorKind::usage, "--space-time: four dimensions need --method paper");
-  if (options.method == Method::guaranteed)
+  check_shift(options);
+  const bool boxes = Dim < 4 && options.elements == Elements::boxes;
+  const bool guaranteed = !boxes && options.method == Method::guaranteed;
+  if (boxes)
+    check_boxes(options);
+  else if (guaranteed)
     check_guaranteed(options);
   else
     check_others(options);
 
   MeshResult<Dim> result;
-  if (options.method != Method::guaranteed) {
-    if constexpr (Dim == 4)
-      result.mesh = mesh_space_time(image, options, execution);
-    else
-      result.mesh = options.method == Method::paper ? mesh_by_paper(image, grey, options, execution)
-                                                    : mesh_by_reference(image, grey, options, execution);
-    const MaterialId background = material_of(image.labels, options.background);
-    if (!options.keep_background && background != kOutside) drop_material(result.mesh, background, execution);
-  } else if constexpr (Dim < 4) {
-    result.guarantee.emplace();
-    result.mesh = mesh_with_guarantee(image, grey, options, *result.guarantee, execution);
-  }
+  if constexpr (Dim == 4)
+    result.mesh = mesh_space_time(image, options, execution);
+  else if (boxes)
+    result.mesh = mesh_by_boxes(image, grey, options, result.shift.emplace(), execution);
+  else if (guaranteed)
+    result.mesh = mesh_with_guarantee(image, grey, options, result.guarantee.emplace(), execution);
+  else
+    result.mesh = options.method == Method::paper ? mesh_by_paper(image, grey, options, execution)
+                                                  : mesh_by_reference(image, grey, options, execution);
+  const MaterialId background = material_of(image.labels, options.background);
+  if (!guaranteed && !options.keep_background && background != kOutside)
+    drop_material(result.mesh, background, execution);
   result.mesh.labels = image.labels;
   result.mesh.names = image.names;
   result.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

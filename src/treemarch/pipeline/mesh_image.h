@@ -13,6 +13,7 @@
 #include "treemarch/mesh/mesh.h"
 #include "treemarch/report/guarantee.h"
 #include "treemarch/sizing/sizing_rule.h"
+#include "treemarch/smooth/shift.h"
 
 namespace treemarch {
 
@@ -30,6 +31,7 @@ enum class Method {
 /// What a mesh is made of.
 enum class Elements {
   simplices,  ///< tetrahedra (2D: triangles) alone
+  boxes,      ///< hexahedra (2D: quads) alone, as the voxels are; pyramids and simplices where sizes change
   hybrid,     ///< simplices at interfaces, hexahedra (2D: quads) where nothing is cut, pyramids between
 };
 
@@ -51,6 +53,7 @@ struct MeshOptions {
   int balance = 1;                 ///< difference of level over faces, edges and corners; kUnbalanced for no limit
   std::optional<FieldKind> field;  ///< separating function; the method's own where it is not given
   std::optional<double> snap;      ///< fraction of an edge within which a vertex moves onto a surface; as field
+  double shift = 0;                ///< boxes: vertices move onto interfaces by at most this part of a cell, below 0.5
   std::optional<int> smooth;       ///< smoothing steps; as field
   double sigma = kDefaultSigma;    ///< smoothing of the fields that smooth, in voxels along each axis
   double quality_floor = 18;       ///< guaranteed method: no quality (mesh/simplex_quality.h) below this after the cut
@@ -77,6 +80,7 @@ template <int Dim>
 struct MeshResult {
   Mesh<Dim> mesh;
   std::optional<GuaranteeReport> guarantee;
+  std::optional<ShiftReport> shift;
   double seconds = 0;  ///< from the image in memory to the mesh in memory
 };
 

@@ -28,4 +28,10 @@ template <int Dim>
 Mesh<Dim> mesh_with_guarantee(const LabelImage<Dim>& image, const GreyInput<Dim>* grey, const MeshOptions& options,
                               GuaranteeReport& report, Execution& execution);
 
+/// Hexahedra that follow the lattice of the image, their vertices shifted onto interfaces (docs/stages/hybrid.md).
+/// Meshes the background too.
+template <int Dim>
+Mesh<Dim> mesh_by_boxes(const LabelImage<Dim>& image, const GreyInput<Dim>* grey, const MeshOptions& options,
+                        ShiftReport& report, Execution& execution);
+
 }  // namespace treemarch

@@ -34,6 +34,14 @@ Json quality_json(const Report& report) {
             {"histogram_smallest", quality.smallest},
             {"histogram_largest", quality.largest},
             {"worst", Json::array()}};
+  for (std::size_t t = 0; t < quality.jacobians.size(); ++t) {
+    const JacobianQuality& j = quality.jacobians[t];
+    if (j.cells == 0) continue;
+    json["jacobians"][name(static_cast<CellType>(t))] = {{"min_scaled", j.min_scaled},
+                                                         {"mean_scaled", j.mean_scaled},
+                                                         {"min_ratio", j.min_ratio},
+                                                         {"mean_ratio", j.mean_ratio}};
+  }
   for (const WorstCell& w : quality.worst) {
     json["worst"].push_back({{"type", name(w.type)},
                              {"cell", w.cell},
@@ -191,6 +199,10 @@ std::string to_json(const Report& report) {
     json["topology"] = topology_json(*report.fidelity.topology);
   }
   if (report.clean_up) json["clean_up"] = clean_up_json(*report.clean_up);
+  if (report.shift)
+    json["shift"] = {{"vertices", report.shift->vertices},
+                     {"shifted", report.shift->shifted},
+                     {"held_back", report.shift->held_back}};
   if (report.guarantee) json["guarantee"] = guarantee_json(*report.guarantee);
   if (report.defects) {
     json["valid"] = report.defects->sound();

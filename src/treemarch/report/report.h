@@ -16,6 +16,7 @@
 #include "treemarch/mesh/validate.h"
 #include "treemarch/report/fidelity.h"
 #include "treemarch/report/guarantee.h"
+#include "treemarch/smooth/shift.h"
 
 namespace treemarch {
 
@@ -45,6 +46,7 @@ struct Report {
   Fidelity fidelity;
   std::optional<CleanUpReport> clean_up;      ///< where it was asked for
   std::optional<GuaranteeReport> guarantee;   ///< of the default method
+  std::optional<ShiftReport> shift;           ///< of hexahedral meshes
   std::optional<MeshDefects> defects;         ///< where the mesh was examined
   std::vector<Execution::StageTime> seconds;  ///< by stage
   double mesh_seconds = 0;                    ///< from the image in memory to the mesh in memory

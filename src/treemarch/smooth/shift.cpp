@@ -1,0 +1,241 @@
+#include "treemarch/smooth/shift.h"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <limits>
+#include <span>
+#include <vector>
+
+#include "treemarch/core/parallel.h"
+#include "treemarch/field/junction.h"
+#include "treemarch/mesh/cell_topology.h"
+
+namespace treemarch {
+namespace {
+
+constexpr std::int64_t kGrain = 4096;
+constexpr int kMostMaterials = 8;  // that a junction can have
+constexpr int kSteps = 6;          // of the search for the interface
+constexpr std::array<double, 8> kFactors{1, 0.85, 0.7, 0.55, 0.4, 0.25, 0.1, 0};
+
+struct CellRef {
+  std::uint32_t cell;
+  std::uint8_t block;
+  auto operator<=>(const CellRef&) const = default;
+};
+
+template <int Dim>
+class Shifter {
+ public:
+  Shifter(Mesh<Dim>& mesh, const Field<Dim>& field, const ShiftOptions& options, Execution& execution)
+      : mesh_(mesh), field_(field), options_(options), execution_(execution) {}
+
+  ShiftReport run() {
+    find_interface();
+    find_cells();
+    move_all();
+    retreat();
+    ShiftReport report;
+    report.vertices = static_cast<std::int64_t>(vertex_.size());
+    for (std::size_t s = 0; s < vertex_.size(); ++s) {
+      report.shifted += mesh_.points[vertex_[s]] != home_[s];
+      report.held_back += level_[s] > 0;
+    }
+    return report;
+  }
+
+ private:
+  void find_interface();
+  void find_cells();
+  void move_all();
+  [[nodiscard]] Vec<Dim> target_of(std::size_t slot) const;
+  void retreat();
+  [[nodiscard]] bool is_spoilt(const CellRef& ref) const;
+  [[nodiscard]] std::array<Vec<Dim>, 8> corners(const CellRef& ref, bool at_home) const;
+
+  [[nodiscard]] std::span<const CellRef> cells_of(std::size_t slot) const {
+    return std::span(cells_).subspan(first_[slot], first_[slot + 1] - first_[slot]);
+  }
+  template <class Use>
+  void for_cells(Use&& use) const {  // of interface vertices: use(slot, cell)
+    for (std::size_t b = 0; b < mesh_.blocks.size(); ++b) {
+      const CellBlock& block = mesh_.blocks[b];
+      const int corners = vertex_count(block.type);
+      parallel_for(execution_, block.size(), kGrain, [&](std::int64_t c) {
+        for (int k = 0; k < corners; ++k)
+          if (const std::uint32_t s = slot_[block.cell(c)[k]]; s != kNone)
+            use(s, CellRef{static_cast<std::uint32_t>(c), static_cast<std::uint8_t>(b)});
+      });
+    }
+  }
+
+  static constexpr std::uint32_t kNone = 0xffffffffU;
+  Mesh<Dim>& mesh_;
+  const Field<Dim>& field_;
+  const ShiftOptions& options_;
+  Execution& execution_;
+  Vec<Dim> low_{}, high_{};           // bounding box
+  std::vector<std::uint32_t> slot_;   // of every vertex, kNone off the interfaces
+  std::vector<VertexId> vertex_;      // of every slot
+  std::vector<std::uint64_t> first_;  // cells around a slot, into cells_
+  std::vector<CellRef> cells_;
+  std::vector<Vec<Dim>> home_, whole_move_;
+  std::vector<std::uint8_t> level_;  // into kFactors
+};
+
+/// Numbers the vertices that have cells of several materials.
+template <int Dim>
+void Shifter<Dim>::find_interface() {
+  constexpr MaterialId kSeveral = kOutside - 1;
+  std::vector<MaterialId> around(mesh_.points.size(), kOutside);
+  for (const CellBlock& block : mesh_.blocks) {
+    const int corners = vertex_count(block.type);
+    parallel_for(execution_, block.size(), kGrain, [&](std::int64_t c) {
+      const MaterialId m = block.materials[c];
+      for (int k = 0; k < corners; ++k) {
+        const std::atomic_ref<MaterialId> at(around[block.cell(c)[k]]);
+        MaterialId seen = at.load(std::memory_order_relaxed);
+        while (seen != m && seen != kSeveral &&
+               !at.compare_exchange_weak(seen, seen == kOutside ? m : kSeveral, std::memory_order_relaxed)) {
+        }
+      }
+    });
+  }
+  slot_.assign(mesh_.points.size(), kNone);
+  low_ = high_ = mesh_.points[0];
+  for (std::size_t v = 0; v < around.size(); ++v) {
+    const Vec<Dim>& x = mesh_.points[v];
+    for (int d = 0; d < Dim; ++d) low_[d] = std::min(low_[d], x[d]), high_[d] = std::max(high_[d], x[d]);
+    if (around[v] != kSeveral) continue;
+    slot_[v] = static_cast<std::uint32_t>(vertex_.size());
+    vertex_.push_back(static_cast<VertexId>(v));
+    home_.push_back(x);
+  }
+}
+
+template <int Dim>
+void Shifter<Dim>::find_cells() {
+  first_.assign(vertex_.size() + 1, 0);
+  for_cells(
+      [&](std::uint32_t s, const CellRef&) { std::atomic_ref(first_[s]).fetch_add(1, std::memory_order_relaxed); });
+  std::vector<std::uint64_t> next(first_.begin(), first_.end());
+  cells_.resize(exclusive_scan(std::span(first_)));
+  next = first_;
+  for_cells([&](std::uint32_t s, const CellRef& ref) {
+    cells_[std::atomic_ref(next[s]).fetch_add(1, std::memory_order_relaxed)] = ref;
+  });
+  parallel_for(execution_, static_cast<std::int64_t>(vertex_.size()), kGrain,
+               [&](std::int64_t s) { std::sort(cells_.begin() + first_[s], cells_.begin() + first_[s + 1]); });
+}
+
+template <int Dim>
+std::array<Vec<Dim>, 8> Shifter<Dim>::corners(const CellRef& ref, bool at_home) const {
+  const CellBlock& block = mesh_.blocks[ref.block];
+  std::array<Vec<Dim>, 8> p{};
+  for (int k = 0; k < vertex_count(block.type); ++k) {
+    const VertexId v = block.cell(ref.cell)[k];
+    p[k] = at_home && slot_[v] != kNone ? home_[slot_[v]] : mesh_.points[v];
+  }
+  return p;
+}
+
+/// The nearest place where the materials around the vertex weigh the same, cut off at the largest move that is allowed:
+/// a part of the smallest cell, measured in its sides.
+template <int Dim>
+Vec<Dim> Shifter<Dim>::target_of(std::size_t slot) const {
+  std::array<MaterialId, kMostMaterials> materials;
+  std::size_t count = 0;
+  Vec<Dim> side;
+  side.fill(std::numeric_limits<double>::infinity());
+  for (const CellRef& ref : cells_of(slot)) {
+    const CellBlock& block = mesh_.blocks[ref.block];
+    const MaterialId m = block.materials[ref.cell];
+    if (std::find(materials.begin(), materials.begin() + count, m) == materials.begin() + count) {
+      if (count == materials.size()) return home_[slot];
+      materials[count++] = m;
+    }
+    const auto p = corners(ref, true);
+    for (int d = 0; d < Dim; ++d) {
+      double low = p[0][d], high = p[0][d];
+      for (int k = 1; k < vertex_count(block.type); ++k) low = std::min(low, p[k][d]), high = std::max(high, p[k][d]);
+      side[d] = std::min(side[d], high - low);
+    }
+  }
+  std::sort(materials.begin(), materials.begin() + count);
+  const Vec<Dim>& home = home_[slot];
+  unsigned fixed = 0;
+  for (int d = 0; d < Dim; ++d) fixed |= (home[d] == low_[d] || home[d] == high_[d] ? 1U : 0U) << d;
+  const Vec<Dim> on_surface = move_to_junction(field_, home, std::span(materials).first(count), fixed, kSteps);
+  Vec<Dim> move = on_surface - home;
+  double part = 0;
+  for (int d = 0; d < Dim; ++d) part = std::max(part, std::abs(move[d]) / side[d]);
+  return part > options_.most ? home + (options_.most / part) * move : on_surface;
+}
+
+template <int Dim>
+void Shifter<Dim>::move_all() {
+  whole_move_.resize(vertex_.size());
+  level_.assign(vertex_.size(), 0);
+  parallel_for(execution_, static_cast<std::int64_t>(vertex_.size()), 256,
+               [&](std::int64_t s) { whole_move_[s] = target_of(s) - home_[s]; });
+  parallel_for(execution_, static_cast<std::int64_t>(vertex_.size()), kGrain,
+               [&](std::int64_t s) { mesh_.points[vertex_[s]] = home_[s] + whole_move_[s]; });
+}
+
+template <int Dim>
+bool Shifter<Dim>::is_spoilt(const CellRef& ref) const {
+  const CellType type = mesh_.blocks[ref.block].type;
+  const double now = corner_jacobians<Dim>(corners(ref, false), type).min_scaled;
+  return !(now >= options_.keep * corner_jacobians<Dim>(corners(ref, true), type).min_scaled);
+}
+
+/// Rounds on one state each: all shifted vertices of all spoilt cells go back one level. Levels only rise and at the
+/// last one every cell is as it was, so it ends.
+template <int Dim>
+void Shifter<Dim>::retreat() {
+  std::vector<std::uint32_t> active(vertex_.size());
+  for (std::size_t s = 0; s < active.size(); ++s) active[s] = static_cast<std::uint32_t>(s);
+  while (!active.empty()) {
+    std::vector<std::uint8_t> back(vertex_.size(), 0);
+    parallel_for(execution_, static_cast<std::int64_t>(active.size()), 256, [&](std::int64_t i) {
+      for (const CellRef& ref : cells_of(active[i]))
+        if (is_spoilt(ref)) std::atomic_ref(back[active[i]]).store(1, std::memory_order_relaxed);
+    });
+    // A cell was looked at by all its vertices that may have moved: each of them knows.
+    std::vector<std::uint32_t> moved;
+    for (std::size_t s = 0; s < back.size(); ++s) {
+      if (!back[s] || kFactors[level_[s]] == 0) continue;
+      ++level_[s];
+      mesh_.points[vertex_[s]] = home_[s] + kFactors[level_[s]] * whole_move_[s];
+      moved.push_back(static_cast<std::uint32_t>(s));
+    }
+    // What changed next to them is to be looked at again, from all vertices of those cells.
+    std::vector<std::uint8_t> again(vertex_.size(), 0);
+    for (const std::uint32_t s : moved)
+      for (const CellRef& ref : cells_of(s)) {
+        const CellBlock& block = mesh_.blocks[ref.block];
+        for (int k = 0; k < vertex_count(block.type); ++k)
+          if (const std::uint32_t t = slot_[block.cell(ref.cell)[k]]; t != kNone) again[t] = 1;
+      }
+    active.clear();
+    for (std::size_t s = 0; s < again.size(); ++s)
+      if (again[s]) active.push_back(static_cast<std::uint32_t>(s));
+  }
+}
+
+}  // namespace
+
+template <int Dim>
+ShiftReport shift_vertices(Mesh<Dim>& mesh, const Field<Dim>& field, const ShiftOptions& options,
+                           Execution& execution) {
+  const Execution::Stage stage(execution, "shift");
+  if (mesh.points.empty() || options.most <= 0) return {};
+  return Shifter<Dim>(mesh, field, options, execution).run();
+}
+
+template ShiftReport shift_vertices(Mesh<2>&, const Field<2>&, const ShiftOptions&, Execution&);
+template ShiftReport shift_vertices(Mesh<3>&, const Field<3>&, const ShiftOptions&, Execution&);
+
+}  // namespace treemarch
