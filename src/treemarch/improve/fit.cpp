@@ -20,9 +20,9 @@ constexpr int kMostParts = 6;  // samples along an edge
 constexpr int kRounds = 2, kSweeps = 3;
 constexpr double kStiffness = 0.02;  // of a vertex against moves that its facets do not ask for
 // In voxels:
-constexpr double kFine = 1.25;             // shorter facets are true to the field if their corners are
-constexpr double kSmooth = 2, kSharp = 5;  // facets up to the first follow the field, from the second on the voxels
-constexpr double kLeast = 0.07;            // shorter moves are left out
+constexpr double kFine = 1.25;                 // shorter facets are true to the field if their corners are
+constexpr double kSmooth = 1.2, kSharp = 4.5;  // facets up to the first follow the field, from the second on the voxels
+constexpr double kLeast = 0.07;                // shorter moves are left out
 
 /// A facet and what the samples on it say. The interface is at distance t along the normal from a sample with shares s
 /// of the corners; corners that move by d_k change it to t - sum_k s_k normal.d_k.
@@ -110,6 +110,7 @@ class Fitter {
  private:
   void set_order(Facet<Dim>& f) const;
   void find_facets();
+  [[nodiscard]] double sharpness_of(double longest) const;
   [[nodiscard]] bool lies_on_box(const std::array<Vec<Dim>, Dim>& p) const;
   void link(const Patch<Dim>& patch);
   double measure();
@@ -276,6 +277,15 @@ bool Fitter<Dim>::to_voxels(const Facet<Dim>& f, const Vec<Dim>& x, double limit
   return false;
 }
 
+/// How much a facet follows the voxels, from 0 to 1. It averages over their staircase more the larger it is: the power
+/// keeps the error of the normals of a ball about the same for all sizes (docs/stages/improve.md).
+template <int Dim>
+double Fitter<Dim>::sharpness_of(double longest) const {
+  if (field_.kind() == FieldKind::grey) return 0;  // a thresholded grey value says less than the value itself
+  const double part = std::clamp((longest / largest_voxel_ - kSmooth) / (kSharp - kSmooth), 0.0, 1.0);
+  return part * std::sqrt(part);
+}
+
 template <int Dim>
 void Fitter<Dim>::measure(Facet<Dim>& f, std::array<double, 2>& sums) const {
   std::array<Vec<Dim>, Dim> p;
@@ -290,10 +300,7 @@ void Fitter<Dim>::measure(Facet<Dim>& f, std::array<double, 2>& sums) const {
   f.pull = {};
   f.coupling = {};
   for (int k = 0; k < Dim; ++k) f.place[k] = dot(f.normal, p[k]);
-  // A thresholded grey value says less than the value itself.
-  const double sharpness = field_.kind() == FieldKind::grey
-                               ? 0
-                               : std::clamp((longest / largest_voxel_ - kSmooth) / (kSharp - kSmooth), 0.0, 1.0);
+  const double sharpness = sharpness_of(longest);
   const auto& samples = samples_[std::clamp(static_cast<int>(std::ceil(longest / voxel_)), 1, kMostParts)];
   const double weight = area / static_cast<double>(samples.size());
   const double limit = std::max(1.5 * f.voxel, 0.5 * longest);
