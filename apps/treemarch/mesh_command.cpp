@@ -18,9 +18,9 @@
 #include "treemarch/pipeline/clean_up.h"
 #include "treemarch/pipeline/mesh_image.h"
 #include "treemarch/pipeline/prepare.h"
+#include "treemarch/pipeline/sizes.h"
 #include "treemarch/report/estimate.h"
 #include "treemarch/report/report.h"
-#include "treemarch/sizing/default_sizes.h"
 
 namespace treemarch::app {
 namespace {
@@ -92,16 +92,28 @@ std::optional<GreyInput<Dim>> load_grey(const MeshCommandOptions& options, Execu
 
 /// Refuses what will not fit. Meshes of the default size are small: they count where a limit or a large image asks.
 template <int Dim>
-void require_memory(const MeshCommandOptions& options, const LabelImage<Dim>& image, SizingRule sizes,
+void require_memory(const MeshCommandOptions& options, const LabelImage<Dim>& image, const MeshOptions& mesh,
                     Execution& execution) {
   constexpr std::int64_t kLargeImage = 100'000'000;  // voxels
-  if (sizes.min_size == 0) {
-    if (options.max_memory.empty() && product(image.extent) < kLargeImage) return;
-    sizes.min_size = default_sizes(image, sizes.max_size, execution).min_size;
-  }
+  if (mesh.sizes.min_size == 0 && options.max_memory.empty() && product(image.extent) < kLargeImage) return;
+  SizingRule sizes = complete_sizes(image, mesh, execution);
+  if (sizes.tolerance > 0) sizes.min_size = sizes.floor_size;
   const std::int64_t most =
       options.max_memory.empty() ? available_memory_bytes() : parse_bytes(options.max_memory, "--max-memory");
   require_memory(estimate_mesh(image, sizes, execution), most);
+}
+
+/// The image of sizes, if one is given.
+template <int Dim>
+std::optional<GreyImage<Dim>> load_sizes(const MeshCommandOptions& options, Execution& execution) {
+  const std::string& path = options.mesh.size_image;
+  if (path.empty()) return std::nullopt;
+  ImageOptions reading;
+  reading.spacing = options.reading.spacing;
+  AnyGreyImage any = load_grey_image(path, reading, execution);
+  if constexpr (Dim < 4)
+    if (auto* sizes = std::get_if<GreyImage<Dim>>(&any)) return std::move(*sizes);
+  throw Error(ErrorKind::input, path + ": has another dimension than " + options.image);
 }
 
 template <int Dim>
@@ -173,10 +185,11 @@ void run(const MeshCommandOptions& options, const std::vector<std::pair<std::str
     CleanUpOptions clean = options.clean;
     clean.background = prepare.background;
     const CleanUpReport cleaned = clean_up(image, clean, execution);
-    const MeshOptions mesh_options = resolve(options.mesh, image);
+    const std::optional<GreyImage<Dim>> sizes = load_sizes<Dim>(options, execution);
+    const MeshOptions mesh_options = resolve(options.mesh, image, sizes ? &*sizes : nullptr);
     std::optional<GreyInput<Dim>> grey;
     if constexpr (Dim < 4) {
-      require_memory(options, image, mesh_options.sizes, execution);
+      require_memory(options, image, mesh_options, execution);
       grey = load_grey<Dim>(options, execution);
     }
     const MeshResult<Dim> result = mesh_image(image, mesh_options, execution, grey ? &*grey : nullptr);

@@ -6,6 +6,7 @@
 #include "options.h"
 #include "treemarch/pipeline/label_table.h"
 #include "treemarch/pipeline/length.h"
+#include "treemarch/sizing/places.h"
 #include "treemarch/tree/spacetree.h"
 
 namespace treemarch::app {
@@ -39,6 +40,50 @@ void parse_order(const std::string& text, const LabelTable& table, const LabelIm
       options.first.push_back(m);
     }
   }
+}
+
+void add_size_options(CLI::App& mesh, MeshTextOptions& o) {
+  mesh.add_option("--detail", o.detail, "Cells that follow the image: about half a million in 3D, two, eight at most")
+      ->check(CLI::IsMember({"coarse", "normal", "fine"}).description(""))
+      ->type_name("coarse|normal|fine");
+  mesh.add_option("--min-size", o.min_size,
+                  "Smallest cells, and those at interfaces: 2mm, 2um, 2vox, a bare number is mm");
+  mesh.add_option("--max-size", o.max_size, "Largest cells; default by the method");
+  mesh.add_option("--tolerance", o.tolerance,
+                  "Cells at interfaces as large as this mean distance from the image allows, down to --min-size");
+  mesh.add_option("--layers", o.plain.sizes.layers, "Cells across every layer of a label, down to --min-size");
+  mesh.add_option("--grading", o.plain.sizes.grading, "How fast cells may grow: at most this much a unit of length")
+      ->capture_default_str();
+  add_list(mesh, "--size", o.sizes, "LABEL=S: largest cells in a label");
+  add_list(mesh, "--interface", o.interfaces, "A:B=S: size of cells between two labels");
+  add_list(mesh, "--region", o.regions, "box:X0,Y0,Z0,X1,Y1,Z1=S or sphere:X,Y,Z,R=S: largest cells there, world mm");
+  mesh.add_option("--size-image", o.size_image, "Grey image of largest sizes in mm; 0 asks for nothing");
+}
+
+/// What a text says of a part of the world: box:LOW,HIGH=SIZE or sphere:CENTRE,RADIUS=SIZE.
+template <int Dim>
+SizedPlace<Dim> parse_region(const std::string& text, double voxel) {
+  const auto refuse = [&](const std::string& why) { throw Error(ErrorKind::usage, "--region: '" + text + "' " + why); };
+  const auto [shape, size] = split_assignment(text, "--region");
+  SizedPlace<Dim> place;
+  place.size = parse_length(size, voxel, "--region");
+  place.is_ball = shape.starts_with("sphere:");
+  if (!place.is_ball && !shape.starts_with("box:")) refuse("is neither box:...=SIZE nor sphere:...=SIZE");
+  const auto numbers = split(shape.substr(shape.find(':') + 1), ',');
+  const std::size_t count = place.is_ball ? Dim + 1 : 2 * Dim;
+  std::vector<double> value(count);
+  bool good = numbers.size() == count;
+  for (std::size_t i = 0; good && i < count; ++i) good = parse_double(numbers[i], value[i]);
+  if (!good) refuse("must have " + std::to_string(count) + " numbers in an image of " + std::to_string(Dim) + " axes");
+  for (int d = 0; d < Dim; ++d) {
+    place.low[d] = value[d];
+    if (place.is_ball) continue;
+    place.high[d] = value[Dim + d];
+    if (place.low[d] > place.high[d]) std::swap(place.low[d], place.high[d]);
+  }
+  if (place.is_ball) place.radius = value[Dim];
+  if (place.is_ball && !(place.radius > 0)) refuse("has no radius greater than 0");
+  return place;
 }
 
 void add_guaranteed_options(CLI::App& mesh, MeshOptions& o) {
@@ -84,11 +129,7 @@ void add_mesh_options(CLI::App& mesh, MeshTextOptions& o) {
       ->default_str("tet");
   mesh.add_option("--shift", o.plain.shift,
                   "hex: move vertices onto surfaces by at most this part of a cell, below 0.5");
-  mesh.add_option("--min-size", o.min_size,
-                  "Smallest cells: 2mm, 2um, 2vox, a bare number is mm; default: as the image's structures ask");
-  mesh.add_option("--max-size", o.max_size, "Largest cells; default by the method");
-  add_list(mesh, "--size", o.sizes, "LABEL=S: largest cells in a label");
-  add_list(mesh, "--interface", o.interfaces, "A:B=S: size of cells between two labels");
+  add_size_options(mesh, o);
   add_choice<bool>(mesh, "--background", o.plain.keep_background, {{"keep", true}, {"drop", false}},
                    "Whether the background is part of the mesh")
       ->default_str("drop");
@@ -111,12 +152,25 @@ void add_mesh_options(CLI::App& mesh, MeshTextOptions& o) {
 }
 
 template <int Dim>
-MeshOptions resolve(const MeshTextOptions& text, const LabelImage<Dim>& image) {
+MeshOptions resolve(const MeshTextOptions& text, const LabelImage<Dim>& image, const GreyImage<Dim>* sizes) {
   const LabelTable table(image.labels, image.names);
   const double voxel = smallest_spacing(image);
   MeshOptions options = text.plain;
   if (text.min_size) options.sizes.min_size = parse_length(*text.min_size, voxel, "--min-size");
   if (text.max_size) options.sizes.max_size = parse_length(*text.max_size, voxel, "--max-size");
+  if (text.tolerance) options.sizes.tolerance = parse_length(*text.tolerance, voxel, "--tolerance");
+  if (text.detail) {
+    if (text.min_size || text.tolerance || options.method != Method::guaranteed)
+      throw Error(ErrorKind::usage, "--detail: chooses sizes; leave out --min-size, --tolerance and other methods");
+    options.detail = *text.detail == "coarse" ? Detail::coarse : *text.detail == "fine" ? Detail::fine : Detail::normal;
+  }
+  for (const std::string& region : text.regions)
+    if (add_place(image, parse_region<Dim>(region, voxel), options.sizes.voxel_size) == 0)
+      throw Error(ErrorKind::usage,
+                  "--region: '" + region + "' holds no voxel; coordinates are those of the image file");
+  if (sizes && add_size_image(image, *sizes, options.sizes.voxel_size) == 0)
+    throw Error(ErrorKind::usage,
+                text.size_image + ": gives no voxel of the image a size; it must lie in the same world");
   for (const std::string& size : text.sizes) {
     const auto [labels, length] = split_assignment(size, "--size");
     const double s = parse_length(length, voxel, "--size");
@@ -145,8 +199,8 @@ MeshOptions resolve(const MeshTextOptions& text, const LabelImage<Dim>& image) {
   return options;
 }
 
-template MeshOptions resolve(const MeshTextOptions&, const LabelImage<2>&);
-template MeshOptions resolve(const MeshTextOptions&, const LabelImage<3>&);
-template MeshOptions resolve(const MeshTextOptions&, const LabelImage<4>&);
+template MeshOptions resolve(const MeshTextOptions&, const LabelImage<2>&, const GreyImage<2>*);
+template MeshOptions resolve(const MeshTextOptions&, const LabelImage<3>&, const GreyImage<3>*);
+template MeshOptions resolve(const MeshTextOptions&, const LabelImage<4>&, const GreyImage<4>*);
 
 }  // namespace treemarch::app

@@ -16,7 +16,9 @@ namespace treemarch::app {
 /// MeshOptions before labels and units are resolved against an image.
 struct MeshTextOptions {
   MeshOptions plain;  ///< those that need no image to be understood
-  std::optional<std::string> min_size, max_size;
+  std::optional<std::string> min_size, max_size, tolerance, detail;
+  std::vector<std::string> regions;     ///< box:...=S or sphere:...=S
+  std::string size_image;               ///< file
   std::vector<std::string> sizes;       ///< LABEL=S
   std::vector<std::string> interfaces;  ///< A:B=S
   std::vector<std::string> weights;     ///< LABEL=W
@@ -26,8 +28,9 @@ struct MeshTextOptions {
 
 void add_mesh_options(CLI::App& mesh, MeshTextOptions& options);
 
-/// \throw Error(usage) for unknown labels and for numbers out of range.
+/// \param sizes values in millimetres by place, from text.size_image; may be null.
+/// \throw Error(usage) for unknown labels, for numbers out of range and for sizes that apply nowhere.
 template <int Dim>
-MeshOptions resolve(const MeshTextOptions& text, const LabelImage<Dim>& image);
+MeshOptions resolve(const MeshTextOptions& text, const LabelImage<Dim>& image, const GreyImage<Dim>* sizes);
 
 }  // namespace treemarch::app

@@ -148,16 +148,25 @@ class BadOptions(ProgramTest):
     def test_sizes(self):
         for size in ("0", "-1", "-2mm", "0vox", "nan", "inf", "x", "", "2parsec"):
             for option in (["--min-size", size], ["--max-size", size], ["--size", "1=" + size],
-                           ["--interface", "0:1=" + size], ["--spacing", size]):
+                           ["--interface", "0:1=" + size], ["--spacing", size], ["--tolerance", size],
+                           ["--region", "box:0,0,0,9,9,9=" + size]):
                 self.refuse(USAGE, *option)
         self.refuse(USAGE, "--min-size", "3mm", "--max-size", "2mm", says="--min-size")
+        for other in (["--min-size", "1"], ["--tolerance", "1"], ["--method", "paper"]):
+            self.refuse(USAGE, "--detail", "fine", *other, says="--detail")
+        self.refuse(USAGE, "--region", "box:900,0,0,999,9,9=1", says="--region")
+        far = files.write_nrrd(self.path("f.nrrd"), files.balls(), spacing=(1, 1, 1), origin=(9e3, 0, 0))
+        self.refuse(USAGE, "--size-image", far, says="f.nrrd")
+        self.refuse(INPUT, "--size-image", self.path("none.nrrd"), says="none.nrrd")
 
     def test_malformed(self):
         for option in (["--size", "1"], ["--size", "=2"], ["--interface", "1=2"], ["--weight", "1=0"],
                        ["--weight", "1=x"], ["--merge", "1"], ["--roi", "0:1"], ["--roi", "0:99,0:1,0:1"],
                        ["--method", "magic"], ["--field", "magic"], ["--background", "maybe"], ["--balance", "0"],
                        ["--balance", "x"], ["--snap", "0.5"], ["--snap", "-1"], ["--smooth", "-1"], ["--sigma", "0"], ["--sigma", "x"], ["--quality", "-1"], ["--quality", "80"],
-                       ["--quality-floor", "25"], ["--border", "maybe"], ["--threads", "-1"],
+                       ["--quality-floor", "25"], ["--border", "maybe"], ["--threads", "-1"], ["--region", "box:0,0,0,9,9=1"], ["--region", "cone:0,0,0,9=1"], ["--region", "box:0,0,0,9,9,x=1"],
+                       ["--region", "sphere:0,0,0,0=1"], ["--region", "sphere:0,0,0,1"], ["--layers", "-1"], ["--layers", "x"], ["--grading", "0"],
+                       ["--grading", "2"], ["--detail", "magic"],
                        ["--pattern", "1"], ["--pattern", "x"], ["--pattern", "2x2"], ["--space", "mars"],
                        ["--no-such-option"], ["surplus"], ["--config", self.path("none.toml")]):
             self.refuse(USAGE, *option)

@@ -223,6 +223,25 @@ class Meshes(ProgramTest):
             self.assertLess(cells("--min-size", "2vox"), coarse)
             self.assertGreater(cells("--min-size", "1vox", "--size", "0=1"), coarse)
 
+    def test_sizes_follow_the_image_and_the_place(self):
+        cells = lambda *options: len(self.mesh(*options)[1])
+        loose = cells("--tolerance", "2vox", "--min-size", "1vox")
+        self.assertLess(loose, cells("--tolerance", "0.1vox", "--min-size", "1vox"))
+        self.assertLess(cells("--min-size", "0.5vox"), cells("--min-size", "0.5vox", "--grading", "0.3"))
+        self.assertLessEqual(cells("--detail", "coarse"), cells("--detail", "fine"))
+        # the same region in three ways: half of the image, in its world of one voxel a millimetre
+        x, y, z = self.labels.shape
+        half = f"{x / 2 - 0.6},{y},{z}"
+        boxed = cells("--min-size", "2vox", "--region", f"box:-1,-1,-1,{half}=1vox")
+        self.assertGreater(boxed, cells("--min-size", "2vox"))
+        self.assertEqual(boxed, cells("--min-size", "2vox", "--region", f"box:{half},-1,-1,-1=1"))
+        sizes = np.zeros((x, y, z), np.uint8)
+        sizes[: x // 2] = 1
+        image = files.write_nrrd(self.path("s.nrrd"), sizes)
+        self.assertEqual(boxed, cells("--min-size", "2vox", "--size-image", image))
+        self.assertGreater(cells("--min-size", "2vox", "--region", f"sphere:{x / 2},{y / 2},{z / 2},3=0.5"),
+                           cells("--min-size", "2vox"))
+
     def test_threads_do_not_matter(self):
         self.mesh("--threads", 1)
         one = (self.dir / "m.vtu").read_bytes()

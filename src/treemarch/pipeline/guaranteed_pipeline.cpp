@@ -18,8 +18,8 @@
 #include "treemarch/pipeline/methods.h"
 #include "treemarch/pipeline/prepare.h"
 #include "treemarch/pipeline/preserve_volume.h"
+#include "treemarch/pipeline/sizes.h"
 #include "treemarch/sizing/cubic_lattice.h"
-#include "treemarch/sizing/default_sizes.h"
 #include "treemarch/sizing/sizing.h"
 #include "treemarch/tessellate/body_centred.h"
 #include "treemarch/tree/spacetree.h"
@@ -31,36 +31,24 @@ constexpr double kFloorWithinStretch = 18;  // proved for every lattice up to kM
 constexpr double kFarQuality = 40;  // of uncut simplices of such lattices, at least; 45 to 120 degrees without stretch
 constexpr int kPadding = 3;         // voxels around the image for a closed border
 
-/// The sizes of the options, completed by the defaults.
-template <int Dim>
-SizingRule sizing_rule(const LabelImage<Dim>& image, const MeshOptions& options, Execution& execution) {
-  const SizingRule& given = options.sizes;
-  SizingRule rule = given;
-  if (given.min_size == 0) {
-    const SizingRule defaults = default_sizes(image, given.max_size, execution);
-    rule.min_size = defaults.min_size;
-    rule.material_interface_size = defaults.material_interface_size;
-  }
-  if (given.max_size == 0) rule.max_size = kDefaultCoarsening * rule.min_size;
-  return rule;
-}
-
-double smallest_size(const SizingRule& rule) {
-  double smallest = rule.min_size;
-  for (const double s : rule.material_size)
-    if (s > 0) smallest = std::min(smallest, s);
-  for (const double s : rule.material_interface_size)
-    if (s > 0) smallest = std::min(smallest, s);
-  for (const auto& i : rule.interface_size) smallest = std::min(smallest, i.size);
-  return smallest;
-}
-
 /// Whether interfaces have cells of more than a voxel anywhere: facets of smaller ones need no fit.
 bool is_coarse(const SizingRule& rule, double voxel) {
   double largest = rule.min_size;
   for (const double s : rule.material_interface_size) largest = std::max(largest, s);
   for (const auto& i : rule.interface_size) largest = std::max(largest, i.size);
   return largest > voxel * kSizeTolerance;
+}
+
+/// Sizes of the voxels of an image for the padded one, where nothing is asked of the layer around it.
+template <int Dim>
+std::vector<float> padded_sizes(const std::vector<float>& sizes, const Coord<Dim>& extent, const Coord<Dim>& larger) {
+  std::vector<float> result(static_cast<std::size_t>(product(larger)), 0);
+  for (std::size_t i = 0; i < sizes.size(); ++i) {
+    Coord<Dim> c = coord_of(static_cast<std::int64_t>(i), extent);
+    for (int d = 0; d < Dim; ++d) c[d] += kPadding;
+    result[static_cast<std::size_t>(linear_index(c, larger))] = sizes[i];
+  }
+  return result;
 }
 
 /// The image with a layer of background around it, so that nothing else touches its sides.
@@ -172,8 +160,11 @@ Mesh<Dim> mesh_with_guarantee(const LabelImage<Dim>& given, const GreyInput<Dim>
 
   std::optional<Execution::Stage> stage;
   stage.emplace(execution, "tree");
-  const SizingRule rule = sizing_rule(image, options, execution);
-  const SizedLattice<Dim> sized = choose_cubic_lattice(image, smallest_size(rule), rule.max_size);
+  SizingRule rule = complete_sizes(image, options, execution);
+  if (larger && !rule.voxel_size.empty()) rule.voxel_size = padded_sizes(rule.voxel_size, given.extent, image.extent);
+  const double smallest = smallest_size(rule, rule.min_size);
+  if (rule.max_size == 0) rule.max_size = kDefaultCoarsening * rule.min_size;
+  const SizedLattice<Dim> sized = choose_cubic_lattice(image, smallest, std::max(smallest, rule.max_size));
   report.quality_floor = quality_floor(sized.lattice, options.quality_floor, execution);
   Spacetree<Dim> tree =
       build_spacetree<Dim>(sized.lattice, sized.pattern, required_levels(image, sized, rule, execution), 1, execution);

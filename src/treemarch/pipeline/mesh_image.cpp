@@ -8,6 +8,7 @@
 #include "treemarch/pipeline/drop_material.h"
 #include "treemarch/pipeline/methods.h"
 #include "treemarch/pipeline/prepare.h"
+#include "treemarch/pipeline/sizes.h"
 #include "treemarch/sizing/lattice.h"
 
 namespace treemarch {
@@ -15,19 +16,6 @@ namespace treemarch {
 namespace {
 
 constexpr double kMostQualityFloor = 18.4, kMostQuality = 40;
-
-void check_sizes(const SizingRule& sizes) {
-  const auto check = [](double size, const char* option) {
-    if (!(size >= 0) || !std::isfinite(size))
-      throw Error(ErrorKind::usage, std::string(option) + ": must be finite and not negative");
-  };
-  check(sizes.min_size, "--min-size");
-  check(sizes.max_size, "--max-size");
-  for (const double s : sizes.material_size) check(s, "--size");
-  for (const auto& i : sizes.interface_size) check(i.size, "--interface");
-  if (sizes.max_size > 0 && sizes.min_size > sizes.max_size)
-    throw Error(ErrorKind::usage, "--min-size: is above --max-size; give a smaller one");
-}
 
 /// The bound on the angles holds for one kind of tree only.
 void check_guaranteed(const MeshOptions& options) {
@@ -86,7 +74,7 @@ template <int Dim>
 MeshResult<Dim> mesh_image(const LabelImage<Dim>& image, const MeshOptions& options, Execution& execution,
                            const GreyInput<Dim>* grey) {
   const auto start = std::chrono::steady_clock::now();
-  check_sizes(options.sizes);
+  check_sizes(image, options.sizes);
   (void)parse_pattern<Dim>(options.pattern);
   if (Dim == 4 && options.method != Method::paper)
     throw Error(ErrorKind::usage, "--space-time: four dimensions need --method paper");

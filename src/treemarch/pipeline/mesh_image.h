@@ -12,6 +12,7 @@
 #include "treemarch/image/label_image.h"
 #include "treemarch/mesh/mesh.h"
 #include "treemarch/report/guarantee.h"
+#include "treemarch/sizing/default_sizes.h"
 #include "treemarch/sizing/sizing_rule.h"
 #include "treemarch/smooth/shift.h"
 
@@ -47,7 +48,8 @@ enum class MaterialOrder {
 struct MeshOptions {
   Method method = Method::guaranteed;
   Elements elements = Elements::simplices;
-  SizingRule sizes;
+  SizingRule sizes;                ///< completed where numbers are 0 (pipeline/sizes.h)
+  Detail detail = Detail::normal;  ///< guaranteed method: the sizes where neither min_size nor a tolerance is given
   std::vector<double> weights;     ///< by material, for the majority in cells larger than a voxel; empty: all 1
   std::string pattern = "auto";    ///< refinement pattern, as parse_pattern() reads it
   int balance = 1;                 ///< difference of level over faces, edges and corners; kUnbalanced for no limit

@@ -7,6 +7,7 @@
 #include "treemarch/pipeline/make_field.h"
 #include "treemarch/pipeline/material_order.h"
 #include "treemarch/pipeline/methods.h"
+#include "treemarch/pipeline/sizes.h"
 #include "treemarch/sizing/assign_materials.h"
 #include "treemarch/sizing/lattice.h"
 #include "treemarch/sizing/sizing.h"
@@ -56,10 +57,10 @@ Mesh<Dim> mesh_by_paper(const LabelImage<Dim>& image, const GreyInput<Dim>* grey
   std::optional<Field<Dim>> field;
   const FieldKind kind = field_kind(options, grey, FieldKind::solid_angle);
   if (kind != FieldKind::solid_angle) field = make_field(image, grey, kind, options, execution);
-  const SizedLattice<Dim> sized = choose_lattice(image, parse_pattern<Dim>(options.pattern), options.sizes, execution);
-  Spacetree<Dim> tree =
-      build_spacetree<Dim>(sized.lattice, sized.pattern, required_levels(image, sized, options.sizes, execution),
-                           options.balance, execution);
+  const SizingRule rule = complete_sizes(image, options, execution);
+  const SizedLattice<Dim> sized = choose_lattice(image, parse_pattern<Dim>(options.pattern), rule, execution);
+  Spacetree<Dim> tree = build_spacetree<Dim>(
+      sized.lattice, sized.pattern, required_levels(image, sized, rule, execution), options.balance, execution);
   assign_materials(tree, image, options.weights, execution);
   std::vector<LeafShape> shapes;
   if (options.elements == Elements::hybrid) shapes = hybrid_shapes(tree, execution);

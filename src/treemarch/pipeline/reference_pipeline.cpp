@@ -103,6 +103,9 @@ void check(const Reference& reference, const MeshOptions& options, std::size_t m
   if (options.order != MaterialOrder::largest || !options.first.empty()) refuse("--order: has no meaning");
   if (options.elements != Elements::simplices) refuse("--elements: must be tet");
   if (!options.sizes.interface_size.empty()) refuse("--interface: has no meaning");
+  if (options.sizes.tolerance > 0) refuse("--tolerance: is not looked at");
+  if (options.sizes.layers > 0) refuse("--layers: is not looked at");
+  if (!options.sizes.voxel_size.empty()) refuse("--region and --size-image: are not looked at");
   if (reference.two_materials && materials > 2)
     throw Error(ErrorKind::usage, "--method: nielson-sung separates two materials, the image has " +
                                       std::to_string(materials) + "; use --keep or --merge, or nielson-franke");

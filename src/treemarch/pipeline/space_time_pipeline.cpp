@@ -3,6 +3,7 @@
 #include "treemarch/march/paper_march.h"
 #include "treemarch/pipeline/material_order.h"
 #include "treemarch/pipeline/methods.h"
+#include "treemarch/pipeline/sizes.h"
 #include "treemarch/sizing/assign_materials.h"
 #include "treemarch/sizing/lattice.h"
 #include "treemarch/sizing/sizing.h"
@@ -24,10 +25,10 @@ void check(const MeshOptions& options) {
 
 Mesh<4> mesh_space_time(const LabelImage<4>& image, const MeshOptions& options, Execution& execution) {
   check(options);
-  const SizedLattice<4> sized = choose_lattice(image, parse_pattern<4>(options.pattern), options.sizes, execution);
-  Spacetree<4> tree =
-      build_spacetree<4>(sized.lattice, sized.pattern, required_levels(image, sized, options.sizes, execution),
-                         options.balance, execution);
+  const SizingRule sizes = complete_sizes(image, options, execution);
+  const SizedLattice<4> sized = choose_lattice(image, parse_pattern<4>(options.pattern), sizes, execution);
+  Spacetree<4> tree = build_spacetree<4>(sized.lattice, sized.pattern, required_levels(image, sized, sizes, execution),
+                                         options.balance, execution);
   assign_materials(tree, image, options.weights, execution);
   Mesh<4> mesh = tessellate_midpoint(tree, {}, execution);
   tree = {};

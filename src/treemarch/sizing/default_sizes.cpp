@@ -52,42 +52,79 @@ Extent<Dim> measure(const LabelImage<Dim>& image, const Execution& execution) {
   return sum;
 }
 
-}  // namespace
+/// Sizes of materials, as the thickness of cells and of materials are compared.
+template <int Dim>
+struct Shapes {
+  std::vector<double> thickness;  ///< twice the volume over the area
+  double area = 0;                ///< of all interfaces
+};
 
 template <int Dim>
-SizingRule default_sizes(const LabelImage<Dim>& image, double largest, const Execution& execution) {
-  // Simplices that the lattice and its cut make for interfaces of unit area and cells of unit side, measured
-  // (docs/stages/sizing.md).
-  constexpr double kSimplicesPerArea = Dim == 2 ? 10 : 27;
-  constexpr double kThicknessPart = 0.9, kSmallest = 0.75;
-  constexpr double kSimplices = Dim == 2 ? 2e5 : 2e6;
+Shapes<Dim> shapes_of(const LabelImage<Dim>& image, const Execution& execution) {
   const Extent<Dim> extent = measure(image, execution);
   const Vec<Dim>& spacing = image.frame.spacing;
-  const double voxel = *std::min_element(spacing.begin(), spacing.end());
   double volume = 1;
   for (const double s : spacing) volume *= s;
-
-  std::vector<double> area(extent.voxels.size(), 0);
-  double all = 0;
-  for (std::size_t m = 0; m < area.size(); ++m) {
-    for (int d = 0; d < Dim; ++d) area[m] += static_cast<double>(extent.faces[m][d]) * volume / spacing[d];
-    all += area[m] / 2;
+  Shapes<Dim> shapes;
+  for (std::size_t m = 0; m < extent.voxels.size(); ++m) {
+    double area = 0;
+    for (int d = 0; d < Dim; ++d) area += static_cast<double>(extent.faces[m][d]) * volume / spacing[d];
+    shapes.area += area / 2;
+    shapes.thickness.push_back(2 * static_cast<double>(extent.voxels[m]) * volume / area);
   }
+  return shapes;
+}
+
+/// \param least materials whose thickness is below thin_part of the floor get halves of it, down to this.
+template <int Dim>
+SizingRule sizes_for(const Shapes<Dim>& shapes, double tolerance, double floor, double least, double thin_part,
+                     double largest) {
+  constexpr double kThicknessPart = 2;
+  constexpr double kCoarsening = 16;
   SizingRule rule;
-  rule.min_size = std::max(voxel, std::pow(kSimplicesPerArea * all / kSimplices, 1.0 / (Dim - 1)));
-  if (largest > 0) rule.min_size = std::min(rule.min_size, largest);
-  // Thin materials take halves of the common size, so that all sizes are levels of one tree.
-  rule.material_interface_size.assign(area.size(), 0);
-  for (std::size_t m = 0; m < area.size(); ++m) {
-    const double thickness = 2 * static_cast<double>(extent.voxels[m]) * volume / area[m];
+  rule.tolerance = tolerance;
+  rule.floor_size = floor;
+  rule.max_size = largest > 0 ? largest : kCoarsening * floor;
+  // All sizes are levels of one tree.
+  rule.min_size = floor;
+  while (2 * rule.min_size <= rule.max_size * kSizeTolerance) rule.min_size *= 2;
+  for (const double thickness : shapes.thickness) {
     double size = rule.min_size;
-    while (size > kThicknessPart * thickness && size / 2 >= kSmallest * voxel) size /= 2;
-    rule.material_interface_size[m] = size;
+    while (size > floor * kSizeTolerance && size > kThicknessPart * thickness) size /= 2;
+    while (size <= floor * kSizeTolerance && size > thin_part * thickness && size / 2 * kSizeTolerance >= least)
+      size /= 2;
+    rule.material_interface_size.push_back(size);
   }
   return rule;
 }
 
-template SizingRule default_sizes(const LabelImage<2>&, double, const Execution&);
-template SizingRule default_sizes(const LabelImage<3>&, double, const Execution&);
+}  // namespace
+
+template <int Dim>
+SizingRule driven_sizes(const LabelImage<Dim>& image, double tolerance, double floor, double largest,
+                        const Execution& execution) {
+  return sizes_for(shapes_of(image, execution), tolerance, floor, floor, 1, largest);
+}
+
+template <int Dim>
+SizingRule default_sizes(const LabelImage<Dim>& image, Detail detail, double largest, const Execution& execution) {
+  // Simplices that the lattice and its cut make for interfaces of unit area and cells of unit side, measured
+  // (docs/stages/sizing.md).
+  constexpr double kSimplicesPerArea = Dim == 2 ? 10 : 27;
+  constexpr double kSimplices[] = {5e5, 2e6, 8e6}, kTolerance[] = {1, 0.5, 0.25}, kThinPart[] = {2, 0.9, 0.9};
+  const double simplices = kSimplices[static_cast<int>(detail)] * (Dim == 2 ? 0.1 : 1);
+  const Shapes<Dim> shapes = shapes_of(image, execution);
+  const double voxel = *std::ranges::min_element(image.frame.spacing);
+  double floor = std::max(voxel, std::pow(kSimplicesPerArea * shapes.area / simplices, 1.0 / (Dim - 1)));
+  if (largest > 0) floor = std::min(floor, largest);
+  const auto choice = static_cast<std::size_t>(detail);
+  return sizes_for(shapes, kTolerance[choice] * voxel, floor, std::min(voxel, floor), kThinPart[choice], largest);
+}
+
+template SizingRule driven_sizes(const LabelImage<2>&, double, double, double, const Execution&);
+template SizingRule driven_sizes(const LabelImage<3>&, double, double, double, const Execution&);
+template SizingRule driven_sizes(const LabelImage<4>&, double, double, double, const Execution&);
+template SizingRule default_sizes(const LabelImage<2>&, Detail, double, const Execution&);
+template SizingRule default_sizes(const LabelImage<3>&, Detail, double, const Execution&);
 
 }  // namespace treemarch

@@ -1,5 +1,5 @@
 /// \file
-/// Sizes for those who give none.
+/// Sizes for those who give none, or only say how true the mesh shall be.
 #pragma once
 
 #include "treemarch/core/execution.h"
@@ -8,11 +8,22 @@
 
 namespace treemarch {
 
-/// Sizes that follow the structures of the image: at the interfaces of a material cells of half its mean thickness, but
-/// not below the smallest spacing, and not above a common size that keeps the whole mesh to about two million simplices
-/// (3D; 2D: two hundred thousand). The mean thickness is twice the volume over the area of the voxel faces. \param
-/// largest as in SizingRule::max_size: no size is above it; 0 for no limit.
+/// How much of the image a mesh keeps, as one choice: bounds on the number of simplices (3D: half a million, two, eight
+/// million; a tenth of it in 2D) and a tolerance of one voxel, half and a quarter.
+enum class Detail { coarse, normal, fine };
+
+/// Sizes that follow the image: cells at interfaces are as large as the tolerance allows, but not larger than nine
+/// tenths of the mean thickness of either material, which is twice its volume over the area of its voxel faces.
+/// \param tolerance, floor as SizingRule::tolerance and floor_size, physical, > 0. \param largest as
+/// SizingRule::max_size; 0 for 16 times the floor.
 template <int Dim>
-SizingRule default_sizes(const LabelImage<Dim>& image, double largest, const Execution& execution);
+SizingRule driven_sizes(const LabelImage<Dim>& image, double tolerance, double floor, double largest,
+                        const Execution& execution);
+
+/// The same with a tolerance and a floor by detail: the floor is the smallest spacing, or what keeps a mesh with such
+/// cells at all interfaces to the number of simplices. Materials too thin for it get halves of the floor, down to 0.75
+/// of the smallest spacing. \param largest as above; no size is above it.
+template <int Dim>
+SizingRule default_sizes(const LabelImage<Dim>& image, Detail detail, double largest, const Execution& execution);
 
 }  // namespace treemarch

@@ -68,18 +68,6 @@ void check_sizes(const SizingRule& rule) {
   for (const SizingRule::Interface& i : rule.interface_size) check(i.size, "--interface");
 }
 
-/// The smallest size that a rule asks for anywhere.
-template <int Dim>
-double smallest_size(const SizingRule& rule, const Vec<Dim>& spacing) {
-  double size = rule.min_size > 0 ? rule.min_size : *std::min_element(spacing.begin(), spacing.end());
-  for (const auto* sizes : {&rule.material_size, &rule.material_interface_size})
-    for (const double s : *sizes)
-      if (s > 0) size = std::min(size, s);
-  for (const SizingRule::Interface& i : rule.interface_size)
-    if (i.size > 0) size = std::min(size, i.size);
-  return size;
-}
-
 /// Voxels per axis of the smallest cell when cells are whole voxels.
 template <int Dim>
 Coord<Dim> whole_voxels(const Vec<Dim>& spacing, const Coord<Dim>& extent, double size) {
@@ -198,7 +186,7 @@ SizedLattice<Dim> choose_lattice(const LabelImage<Dim>& image, const std::vector
                                  const SizingRule& rule, const Execution& execution) {
   check_sizes(rule);
   const Vec<Dim>& spacing = image.frame.spacing;
-  const double size = smallest_size(rule, spacing);
+  const double size = smallest_size(rule, *std::min_element(spacing.begin(), spacing.end()));
   const bool stretched = factors.empty() && aspect(spacing) >= 2;
   const Coord<Dim> voxels =
       stretched ? isotropic_voxels(spacing, image.extent, size) : whole_voxels(spacing, image.extent, size);

@@ -6,26 +6,29 @@
 #include <utility>
 
 #include "treemarch/core/parallel.h"
+#include "treemarch/sizing/error_sizing.h"
+#include "treemarch/sizing/grading.h"
 #include "treemarch/sizing/lattice_cover.h"
+#include "treemarch/sizing/layer_sizing.h"
 
 namespace treemarch {
 namespace {
+
+/// Longest side of the cells of a level.
+template <int Dim>
+double longest_side(const SizedLattice<Dim>& sized, int level) {
+  const Coord<Dim> cells = sized.pattern.cell_extent(level);
+  double side = 0;
+  for (int d = 0; d < Dim; ++d) side = std::max(side, cells[d] * sized.lattice.unit[d]);
+  return side;
+}
 
 /// The sizes of a rule as levels.
 class Levels {
  public:
   template <int Dim>
   Levels(const LabelImage<Dim>& image, const SizedLattice<Dim>& sized, const SizingRule& rule) {
-    const auto level_of = [&](double size) {
-      int l = 0;
-      for (; l < sized.deepest_level; ++l) {
-        const Coord<Dim> cells = sized.pattern.cell_extent(l);
-        double side = 0;
-        for (int d = 0; d < Dim; ++d) side = std::max(side, cells[d] * sized.lattice.unit[d]);
-        if (side <= size * kSizeTolerance) break;
-      }
-      return static_cast<std::uint8_t>(l);
-    };
+    for (int l = 0; l <= sized.deepest_level; ++l) side_.push_back(longest_side(sized, l));
     interface_ = rule.min_size > 0 ? level_of(rule.min_size) : static_cast<std::uint8_t>(sized.deepest_level);
     material_.assign(image.labels.size(), rule.max_size > 0 ? level_of(rule.max_size) : std::uint8_t{0});
     for (std::size_t m = 0; m < std::min(material_.size(), rule.material_size.size()); ++m)
@@ -39,6 +42,12 @@ class Levels {
                      [](const Pair& a, const Pair& b) { return a.materials < b.materials; });
   }
 
+  /// The first level whose cells are not larger.
+  [[nodiscard]] std::uint8_t level_of(double size) const {
+    std::uint8_t l = 0;
+    while (l + 1U < side_.size() && side_[l] > size * kSizeTolerance) ++l;
+    return l;
+  }
   [[nodiscard]] std::uint8_t material(MaterialId m) const { return material_[m]; }
   [[nodiscard]] std::uint8_t interface(MaterialId a, MaterialId b) const {
     if (!pairs_.empty()) {
@@ -55,14 +64,17 @@ class Levels {
     std::pair<MaterialId, MaterialId> materials;
     std::uint8_t level;
   };
+  std::vector<double> side_;  // of the cells of each level
   std::uint8_t interface_ = 0;
   std::vector<std::uint8_t> material_, material_interface_;
   std::vector<Pair> pairs_;
 };
 
 /// What each voxel demands.
+/// \param sizes of voxels, in lists of one a voxel each, or empty; 0 demands nothing.
 template <int Dim>
-std::vector<std::uint8_t> voxel_levels(const LabelImage<Dim>& image, const Levels& levels, const Execution& execution) {
+std::vector<std::uint8_t> voxel_levels(const LabelImage<Dim>& image, const Levels& levels,
+                                       const std::array<std::span<const float>, 2>& sizes, const Execution& execution) {
   std::vector<std::uint8_t> result(static_cast<std::size_t>(image.voxels.size()));
   const std::int64_t row = image.extent[0];
   std::array<std::int64_t, Dim> stride{};
@@ -83,7 +95,10 @@ std::vector<std::uint8_t> voxel_levels(const LabelImage<Dim>& image, const Level
           if (c[d] > 0) look(i - stride[d]);
           if (c[d] + 1 < image.extent[d]) look(i + stride[d]);
         }
-        result[i] = inside ? levels.material(own) : level;
+        if (inside) level = levels.material(own);
+        for (const auto& list : sizes)
+          if (!list.empty() && list[i] > 0) level = std::max(level, levels.level_of(list[i]));
+        result[i] = level;
       }
     });
   });
@@ -115,7 +130,13 @@ std::vector<std::uint8_t> to_cells(const std::vector<std::uint8_t>& in, const Co
 template <int Dim>
 std::vector<std::uint8_t> required_levels(const LabelImage<Dim>& image, const SizedLattice<Dim>& lattice,
                                           const SizingRule& rule, const Execution& execution) {
-  std::vector<std::uint8_t> levels = voxel_levels(image, Levels(image, lattice, rule), execution);
+  const Levels by_rule(image, lattice, rule);
+  std::vector<float> layers;
+  if (rule.layers > 0)
+    layers = layer_sizes(image, rule.layers,
+                         rule.floor_size > 0 ? rule.floor_size : longest_side(lattice, lattice.deepest_level),
+                         longest_side(lattice, 0), execution);
+  std::vector<std::uint8_t> levels = voxel_levels(image, by_rule, {rule.voxel_size, layers}, execution);
   Coord<Dim> extent = image.extent;
   for (int d = 0; d < Dim; ++d) {
     const std::int32_t cells = lattice.lattice.extent[d];
@@ -123,6 +144,11 @@ std::vector<std::uint8_t> required_levels(const LabelImage<Dim>& image, const Si
     levels = to_cells(levels, extent, d, cells, execution);
     extent[d] = cells;
   }
+  if (rule.tolerance > 0) {
+    const int last = rule.floor_size > 0 ? by_rule.level_of(rule.floor_size) : lattice.deepest_level;
+    refine_by_error(image, lattice, rule.tolerance, last, levels, execution);
+  }
+  limit_growth(lattice, rule.grading, levels, execution);
   return levels;
 }
 

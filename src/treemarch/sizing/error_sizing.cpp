@@ -1,0 +1,239 @@
+#include "treemarch/sizing/error_sizing.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <utility>
+
+#include "treemarch/core/parallel.h"
+
+namespace treemarch {
+namespace {
+
+constexpr std::uint32_t kNone = 0xffffffffU;
+constexpr double kMargin = 0.25;     // of the side: voxels around a cell that count as well
+constexpr std::int64_t kPiece = 8;   // voxels
+constexpr double kMostOverMean = 2;  // distance of an interface from a plane that fits it
+
+template <int Dim>
+struct Box {
+  Coord<Dim> begin{}, end{};
+
+  [[nodiscard]] bool empty() const {
+    for (int d = 0; d < Dim; ++d)
+      if (begin[d] >= end[d]) return true;
+    return false;
+  }
+};
+
+/// Calls f(coordinates, index) for the points of a box in an array, first axis fastest.
+template <int Dim, class F>
+void for_points(const Box<Dim>& box, const Coord<Dim>& extent, F&& f) {
+  Coord<Dim> c = box.begin;
+  while (true) {
+    std::int64_t i = linear_index(c, extent);
+    for (c[0] = box.begin[0]; c[0] < box.end[0]; ++c[0], ++i) f(c, i);
+    c[0] = box.begin[0];
+    int d = 1;
+    while (d < Dim && ++c[d] == box.end[d]) {
+      c[d] = box.begin[d];
+      ++d;
+    }
+    if (d == Dim) return;
+  }
+}
+
+/// What linear functions make of the labels in a box of voxels.
+template <int Dim>
+class LinearLabels {
+ public:
+  explicit LinearLabels(const LabelImage<Dim>& image) : image_(image), place_(image.labels.size(), kNone) {}
+
+  /// Voxels that the function of another label would take.
+  std::int64_t wrong_voxels(const Box<Dim>& box) {
+    gather(box);
+    std::int64_t wrong = 0;
+    if (labels_.size() > 1) {
+      fit(box);
+      wrong = compare(box);
+    }
+    for (const Label& l : labels_) place_[l.material] = kNone;
+    return wrong;
+  }
+  /// Whether a label of the last box lies wholly within it and has no voxel that is right.
+  [[nodiscard]] bool loses_a_piece() const {
+    return std::ranges::any_of(labels_, [](const Label& l) { return !l.on_rim && l.right == 0 && l.voxels >= kPiece; });
+  }
+
+ private:
+  struct Label {
+    MaterialId material;
+    bool on_rim = false;
+    std::int64_t voxels = 0, right = 0;
+    double mean = 0;
+    Vec<Dim> slope{};  // until fit(): sum of the places
+  };
+
+  /// Twice the place relative to the middle of the box: a whole number.
+  static Vec<Dim> relative(const Coord<Dim>& c, const Box<Dim>& box) {
+    Vec<Dim> x;
+    for (int d = 0; d < Dim; ++d) x[d] = 2 * c[d] + 1 - box.begin[d] - box.end[d];
+    return x;
+  }
+  /// Whether the label may go on beyond the box.
+  [[nodiscard]] bool is_rim(const Coord<Dim>& c, const Box<Dim>& box) const {
+    for (int d = 0; d < Dim; ++d)
+      if ((c[d] == box.begin[d] && c[d] > 0) || (c[d] + 1 == box.end[d] && c[d] + 1 < image_.extent[d])) return true;
+    return false;
+  }
+  void gather(const Box<Dim>& box) {
+    labels_.clear();
+    own_.clear();
+    image_.voxels.visit([&](const auto* voxels) {
+      for_points(box, image_.extent, [&](const Coord<Dim>& c, std::int64_t i) {
+        std::uint32_t& place = place_[voxels[i]];
+        if (place == kNone) {
+          place = static_cast<std::uint32_t>(labels_.size());
+          labels_.push_back({.material = voxels[i]});
+        }
+        Label& label = labels_[place];
+        own_.push_back(place);
+        ++label.voxels;
+        label.slope = label.slope + relative(c, box);
+        label.on_rim = label.on_rim || is_rim(c, box);
+      });
+    });
+  }
+  /// Least squares: places along different axes are uncorrelated over a box.
+  void fit(const Box<Dim>& box) {
+    const auto n = static_cast<double>(own_.size());
+    for (Label& l : labels_) {
+      l.mean = static_cast<double>(l.voxels) / n;
+      for (int d = 0; d < Dim; ++d) {
+        const double side = box.end[d] - box.begin[d];
+        l.slope[d] = side > 1 ? l.slope[d] / (n * (side * side - 1) / 3) : 0;
+      }
+    }
+  }
+  /// A voxel is wrong if another label's function is larger, and if it is not among the voxels that its own function
+  /// would take for as many as the label has: the first alone is unfair where labels have unequal shares, the second
+  /// where three of them meet.
+  std::int64_t compare(const Box<Dim>& box) {
+    constexpr double kTie = 1e-9;
+    suspects_.clear();
+    std::size_t i = 0;
+    for_points(box, image_.extent, [&](const Coord<Dim>& c, std::int64_t) {
+      const Vec<Dim> x = relative(c, box);
+      Label& own = labels_[own_[i++]];
+      const double least = own.mean + dot(own.slope, x) + kTie;
+      if (std::ranges::any_of(labels_, [&](const Label& l) { return l.mean + dot(l.slope, x) > least; }))
+        suspects_.push_back({own_[i - 1], dot(own.slope, x)});
+      else
+        ++own.right;
+    });
+    std::ranges::sort(suspects_);
+    std::int64_t wrong = 0;
+    for (std::size_t s = 0; s < suspects_.size(); ++s) {
+      Label& own = labels_[suspects_[s].first];
+      if (s == 0 || suspects_[s].first != suspects_[s - 1].first) limit_ = half_space(own, box) - kTie;
+      if (suspects_[s].second < limit_)
+        ++wrong;
+      else
+        ++own.right;
+    }
+    return wrong;
+  }
+  /// The value along the slope of a label above which lie as many voxels of the box as it has.
+  double half_space(const Label& label, const Box<Dim>& box) {
+    along_.clear();
+    for_points(box, image_.extent,
+               [&](const Coord<Dim>& c, std::int64_t) { along_.push_back(dot(label.slope, relative(c, box))); });
+    const auto at = along_.begin() + (label.voxels - 1);
+    std::ranges::nth_element(along_, at, std::greater<>());
+    return *at;
+  }
+
+  const LabelImage<Dim>& image_;
+  std::vector<std::uint32_t> place_;  // of each material in labels_
+  std::vector<Label> labels_;
+  std::vector<std::uint32_t> own_;                          // label of each voxel of the box
+  std::vector<std::pair<std::uint32_t, double>> suspects_;  // label and place along its slope
+  std::vector<double> along_;
+  double limit_ = 0;
+};
+
+/// The cells of one level.
+template <int Dim>
+class LevelErrors {
+ public:
+  LevelErrors(const LabelImage<Dim>& image, const SizedLattice<Dim>& sized, int level)
+      : image_(image), side_(sized.pattern.cell_extent(level)), lattice_(sized.lattice.extent), level_(level) {
+    for (int d = 0; d < Dim; ++d) {
+      cells_[d] = (lattice_[d] + side_[d] - 1) / side_[d];
+      voxels_[d] = sized.lattice.unit[d] / image.frame.spacing[d];
+      voxel_volume_ *= image.frame.spacing[d];
+    }
+  }
+  [[nodiscard]] std::int64_t size() const { return product(cells_); }
+
+  void split(std::int64_t index, double tolerance, LinearLabels<Dim>& labels, std::vector<std::uint8_t>& levels) const {
+    const Coord<Dim> cell = coord_of(index, cells_);
+    Box<Dim> box, around;
+    for (int d = 0; d < Dim; ++d) {
+      box.begin[d] = cell[d] * side_[d];
+      box.end[d] = std::min(lattice_[d], box.begin[d] + side_[d]);
+      const auto margin =
+          std::max<std::int32_t>(1, static_cast<std::int32_t>(std::lround(kMargin * side_[d] * voxels_[d])));
+      const auto voxel_at = [&](std::int32_t at) {
+        return static_cast<std::int32_t>(std::ceil(at * voxels_[d] - 0.5));
+      };
+      around.begin[d] = std::max(0, voxel_at(box.begin[d]) - margin);
+      around.end[d] = std::min(image_.extent[d], voxel_at(box.end[d]) + margin);
+    }
+    std::uint8_t most = 0;
+    for_points(box, lattice_, [&](const Coord<Dim>&, std::int64_t i) { most = std::max(most, levels[i]); });
+    if (most != level_ || around.empty()) return;  // part of a larger leaf, or split anyway
+    const std::int64_t wrong = labels.wrong_voxels(around);
+    if (wrong == 0) return;
+    double volume = 1;
+    for (int d = 0; d < Dim; ++d) volume *= (around.end[d] - around.begin[d]) * image_.frame.spacing[d];
+    const double area = std::pow(volume, (Dim - 1.0) / Dim);
+    if (kMostOverMean * static_cast<double>(wrong) * voxel_volume_ <= tolerance * area && !labels.loses_a_piece())
+      return;
+    for_points(box, lattice_,
+               [&](const Coord<Dim>&, std::int64_t i) { levels[i] = static_cast<std::uint8_t>(level_ + 1); });
+  }
+
+ private:
+  const LabelImage<Dim>& image_;
+  Coord<Dim> side_, lattice_, cells_{};
+  int level_;
+  Vec<Dim> voxels_{};  // in a finest cell
+  double voxel_volume_ = 1;
+};
+
+}  // namespace
+
+template <int Dim>
+void refine_by_error(const LabelImage<Dim>& image, const SizedLattice<Dim>& sized, double tolerance, int last,
+                     std::vector<std::uint8_t>& levels, const Execution& execution) {
+  for (int level = 0; level < last; ++level) {
+    const LevelErrors<Dim> errors(image, sized, level);
+    parallel_for_ranges(execution, errors.size(), 64, [&](std::int64_t begin, std::int64_t end) {
+      LinearLabels<Dim> labels(image);
+      for (std::int64_t i = begin; i < end; ++i) errors.split(i, tolerance, labels, levels);
+    });
+  }
+}
+
+#define TREEMARCH_INSTANTIATE(DIM)                                                             \
+  template void refine_by_error(const LabelImage<DIM>&, const SizedLattice<DIM>&, double, int, \
+                                std::vector<std::uint8_t>&, const Execution&);
+TREEMARCH_INSTANTIATE(1)
+TREEMARCH_INSTANTIATE(2)
+TREEMARCH_INSTANTIATE(3)
+TREEMARCH_INSTANTIATE(4)
+#undef TREEMARCH_INSTANTIATE
+
+}  // namespace treemarch
