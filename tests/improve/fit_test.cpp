@@ -36,8 +36,8 @@ CutImage<Dim> coarse_mesh(const LabelImage<Dim>& image, int side) {
   const auto tree = build_spacetree<Dim>(lattice, pattern, level, 1, execution);
   CutImage<Dim> cut{build_field<Dim>(image, {}, execution), {}, image.size()};
   CutReport report;
-  cut.mesh = cut_lattice<Dim>(tessellate_body_centred<Dim>(tree, execution), cut.field, image.labels, {}, report,
-                              execution);
+  cut.mesh =
+      cut_lattice<Dim>(tessellate_body_centred<Dim>(tree, execution), cut.field, image.labels, {}, report, execution);
   improve(cut.mesh, cut.field, cut.box, {}, execution);
   return cut;
 }

@@ -67,8 +67,8 @@ CutImage<Dim> cut_image(const LabelImage<Dim>& image, double q_floor = 18) {
   CutOptions options;
   options.quality_floor = q_floor;
   CutReport report;
-  cut.mesh = cut_lattice<Dim>(tessellate_body_centred<Dim>(tree, execution), cut.field, image.labels, options,
-                              report, execution);
+  cut.mesh = cut_lattice<Dim>(tessellate_body_centred<Dim>(tree, execution), cut.field, image.labels, options, report,
+                              execution);
   return cut;
 }
 

@@ -410,7 +410,8 @@ bool Fitter<Dim>::find_place(const Patch<Dim>& patch, VertexId v, Vec<Dim>& x) c
 template <int Dim>
 FitReport fit_interfaces(Mesh<Dim>& mesh, const Field<Dim>& field, const Vec<Dim>& box, const FitOptions& options,
                          Execution& execution) {
-  if (mesh.blocks.empty() || mesh.blocks[0].type != kSimplex<Dim> || options.quality <= 0 || field.linear_along_edges()) return {};
+  if (mesh.blocks.empty() || mesh.blocks[0].type != kSimplex<Dim> || options.quality <= 0 || field.linear_along_edges())
+    return {};
   return Fitter<Dim>(mesh, field, box, options, execution).run();
 }
 
