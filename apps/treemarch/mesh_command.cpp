@@ -12,11 +12,13 @@
 #include "terminal.h"
 #include "treemarch/mesh/interfaces.h"
 #include "treemarch/mesh/output_file.h"
+#include "treemarch/mesh/partition.h"
 #include "treemarch/mesh/picture.h"
 #include "treemarch/mesh/quality.h"
 #include "treemarch/mesh/write_mesh.h"
 #include "treemarch/pipeline/clean_up.h"
 #include "treemarch/pipeline/mesh_image.h"
+#include "treemarch/pipeline/node_sets.h"
 #include "treemarch/pipeline/prepare.h"
 #include "treemarch/pipeline/sizes.h"
 #include "treemarch/report/estimate.h"
@@ -35,14 +37,29 @@ struct MeshCommandOptions {
   bool compress = true, force = false, json = false, quiet = false, strict = false;
   int threads = 0;
   std::string max_memory;
+  bool surface = false;
+  int partitions = 0;
+  std::vector<std::string> node_sets;
 };
 
 /// Refuses places that cannot be written before any work is done.
 void check_outputs(const MeshCommandOptions& options) {
   if (options.image.empty()) throw Error(ErrorKind::usage, "IMAGE: is missing; see treemarch mesh --help");
   if (options.output.empty()) throw Error(ErrorKind::usage, "-o: is missing; say where the mesh goes");
-  check_mesh_path(options.output, options.force);
-  if (!options.interfaces.empty()) check_mesh_path(options.interfaces, options.force);
+  if (options.surface) {
+    if (!options.interfaces.empty())
+      throw Error(ErrorKind::usage, "--interfaces: are what --surface writes to -o; leave one of them out");
+    if (options.partitions > 0) throw Error(ErrorKind::usage, "--partitions: are of cells; leave --surface out");
+    if (!options.node_sets.empty())
+      throw Error(ErrorKind::usage, "--node-set: is of the volume mesh; leave --surface out");
+    check_surface_path(options.output, options.force);
+  } else {
+    check_mesh_path(options.output, options.force);
+  }
+  if (options.partitions == 1) throw Error(ErrorKind::usage, "--partitions: give 2 or more");
+  if ((options.partitions > 0 || !options.node_sets.empty()) && options.output.ends_with(".mesh"))
+    throw Error(ErrorKind::usage, options.output + ": holds no node sets and no partition; choose .vtu, .xdmf or .msh");
+  if (!options.interfaces.empty()) check_surface_path(options.interfaces, options.force);
   if (!options.report.empty()) const OutputFile probe(options.report, options.force);
   if (!options.picture.empty()) {
     if (!options.picture.ends_with(".png"))
@@ -65,6 +82,7 @@ void check_space_time(const MeshCommandOptions& options) {
     throw Error(ErrorKind::usage,
                 options.output + ": a mesh of four dimensions is written as .xdmf; choose that extension");
   if (!options.interfaces.empty()) refuse("--interfaces");
+  if (options.surface) refuse("--surface");
   if (!options.picture.empty()) refuse("--picture");
   if (!options.grey.empty()) refuse("--grey");
   if (options.strict) refuse("--strict");
@@ -138,16 +156,33 @@ Report make_report(const MeshCommandOptions& options, const std::vector<std::pai
   return report;
 }
 
+/// Partition and node sets, and what the report says about them.
+template <int Dim>
+MeshExtras make_extras(const MeshCommandOptions& options, const LabelImage<Dim>& image, const Mesh<Dim>& mesh,
+                       Report& report, Execution& execution) {
+  MeshExtras extras;
+  extras.node_sets = find_node_sets(options.node_sets, mesh, output_frame(image.frame, options.space), execution);
+  for (const NodeSet& set : extras.node_sets) report.node_sets.emplace_back(set.name, std::ssize(set.vertices));
+  if (options.partitions > 0) {
+    Partition partition = partition_mesh(mesh, options.partitions, execution);
+    const auto [least, most] = std::ranges::minmax_element(partition.cells);
+    report.parts = {options.partitions, *least, *most, partition.facets_between, partition.vertices_between};
+    extras.cell_part = std::move(partition.cell_part);
+    extras.vertex_part = std::move(partition.vertex_part);
+  }
+  return extras;
+}
+
 template <int Dim>
 void write_all(const MeshCommandOptions& options, const LabelImage<Dim>& image, const Mesh<Dim>& mesh,
-               Execution& execution) {
+               const MeshExtras& extras, Execution& execution) {
   const WriteOptions write{options.force, options.compress, options.space};
   const Execution::Stage stage(execution, "write");
-  write_mesh(options.output, mesh, image.frame, write, execution);
+  if (!options.surface) write_mesh(options.output, mesh, image.frame, write, execution, extras);
   if constexpr (Dim < 4) {
-    if (!options.interfaces.empty()) {
+    if (const std::string& path = options.surface ? options.output : options.interfaces; !path.empty()) {
       const auto facets = extract_interfaces(mesh, Hull::include, execution);
-      write_interfaces(options.interfaces, mesh, facets, image.frame, write, execution);
+      write_interfaces(path, mesh, facets, image.frame, write, execution);
     }
     if (!options.picture.empty()) {
       PictureOptions picture;
@@ -181,6 +216,9 @@ void run(const MeshCommandOptions& options, const std::vector<std::pair<std::str
     PrepareOptions prepare = options.prepare;
     prepare.background = options.mesh.plain.background;
     if constexpr (Dim == 4) check_space_time(options);
+    check_node_sets(options.node_sets, Dim);
+    for (const std::string& path : {options.surface ? options.output : "", options.interfaces})
+      if (!path.empty()) check_surface_path(path, options.force, Dim);
     LabelImage<Dim> image = prepare_image(std::move(read), prepare, execution);
     CleanUpOptions clean = options.clean;
     clean.background = prepare.background;
@@ -198,7 +236,8 @@ void run(const MeshCommandOptions& options, const std::vector<std::pair<std::str
     Report report = make_report(options, given, image, result, execution);
     if (clean.remove_islands > 0 || clean.fill_holes > 0) report.clean_up = cleaned;
     if (options.strict) require_topology(report, options.image);
-    write_all(options, image, result.mesh, execution);
+    const MeshExtras extras = make_extras(options, image, result.mesh, report, execution);
+    write_all(options, image, result.mesh, extras, execution);
     report.seconds = execution.stage_times();
     report.warnings = terminal.warnings();
     report.peak_memory_bytes = peak_memory_bytes();
@@ -230,7 +269,13 @@ std::string config_text(const CLI::App& command) {
 void add_output_options(CLI::App& mesh, MeshCommandOptions& o) {
   mesh.add_option("IMAGE", o.image, "Image file or folder of slices")->configurable(false);
   mesh.add_option("-o,--output", o.output, "Mesh file: .vtu, .msh, .mesh or .xdmf")->configurable(false);
-  mesh.add_option("--interfaces", o.interfaces, "Also write the facets between labels, with both labels");
+  mesh.add_option("--interfaces", o.interfaces,
+                  "Also write the facets between labels, with both labels: as -o, or .vtp, .stl, .ply");
+  mesh.add_flag("--surface", o.surface, "Write nothing but these facets to -o");
+  mesh.add_option("--partitions", o.partitions, "Parts for parallel solvers: array partition of cells and nodes")
+      ->check(CLI::NonNegativeNumber);
+  add_list(mesh, "--node-set", o.node_sets,
+           "NAME=box:X0,Y0,Z0,X1,Y1,Z1, NAME=plane:A,B,C,D[,WIDTH] or NAME=nodes:0,5-9: nodes under a name");
   mesh.add_option("--picture", o.picture, "Also write a picture of the mesh, cut open (.png)");
   mesh.add_option("--report", o.report, "Also write the report as JSON");
   add_space_option(mesh, o.space);

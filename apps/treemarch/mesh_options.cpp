@@ -104,6 +104,10 @@ void add_paper_options(CLI::App& mesh, MeshTextOptions& o) {
       ->capture_default_str();
   mesh.add_option("--balance", o.balance, "Largest difference of level between neighbours, or none")
       ->capture_default_str();
+  add_choice<FacetRule>(mesh, "--facets", o.plain.facets,
+                        {{"midpoint", FacetRule::midpoint}, {"extended", FacetRule::extended}},
+                        "Facets with hanging nodes: joined to a new node, or divided between their own")
+      ->default_str("midpoint");
   mesh.add_option("--snap", o.plain.snap, "Move vertices onto a surface nearer than this part of an edge, 0 to 0.5");
   mesh.add_option("--order", o.order,
                   "Order in which labels are separated: largest, smallest, label, image, or labels as 3,liver,5-9")

@@ -182,6 +182,21 @@ class BadOptions(ProgramTest):
         for option in (["--field", "grey"], ["--border", "closed"], ["--order", "none"], ["--order", "1,1"]):
             self.refuse(USAGE, "--method", "paper", *option, says=option[0])
 
+    def test_extras(self):
+        for option in (["--partitions", "1"], ["--partitions", "-2"], ["--partitions", "100000000"],
+                       ["--node-set", "a=ball:1"], ["--node-set", "a=nodes:99999999"], ["--node-set", "a=plane:0,0,1,-99"],
+                       ["--node-set", "partition=nodes:1"], ["--facets", "magic"],
+                       ["--method", "guaranteed", "--facets", "extended"]):
+            self.refuse(USAGE, *option, says=option[-2])
+        for option in (["--partitions", "2"], ["--node-set", "a=nodes:1"], ["--interfaces", self.path("i.vtu")]):
+            self.refuse(USAGE, "--surface", *option, says=option[0])
+        for name in ("m.stl", "m.vtp", "m.ply"):
+            self.fail_with(USAGE, "mesh", self.image, "-o", self.path(name), says="--surface")
+        self.fail_with(USAGE, "mesh", self.image, "-o", self.path("m.mesh"), "--partitions", 2, says="m.mesh")
+        flat = files.write_nrrd(self.path("flat.nrrd"), files.balls()[:, :, 5].copy())
+        for name in ("m.stl", "m.ply"):
+            self.fail_with(USAGE, "mesh", flat, "-o", self.path(name), "--surface", says=".vtp")
+
     def test_grey(self):
         self.refuse(USAGE, "--grey", self.image, says="--threshold")
         self.refuse(USAGE, "--grey", self.image, "--threshold", 1, "--field", "dgf", says="--grey")

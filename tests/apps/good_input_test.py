@@ -166,6 +166,69 @@ class Meshes(ProgramTest):
             x = (area * points[cells].mean(1)[:, 0]).sum() / area.sum()
             self.assertAlmostEqual(x, 0.5 * centres[6] - 0.25, delta=0.1)
 
+    def test_surface(self):
+        for method in ("paper", "guaranteed"):
+            self.mesh("--method", method, "--interfaces", self.path("i.vtp"))
+            for name in ("s.vtp", "s.stl", "s.ply", "s.vtu"):
+                self.succeed("mesh", self.image, "-o", self.path(name), "--surface", "--force", "--method", method)
+            polygons = vtk.vtkXMLPolyDataReader()
+            polygons.SetFileName(self.path("s.vtp"))
+            polygons.Update()
+            expected = polygons.GetOutput()
+            self.assertEqual((self.dir / "i.vtp").read_bytes(), (self.dir / "s.vtp").read_bytes())
+            pairs = set(zip(*(vtk_to_numpy(expected.GetCellData().GetArray(n)) for n in ("label_first", "label_second"))))
+            self.assertIn((1, 2), pairs)
+            for name, reader in (("s.stl", vtk.vtkSTLReader()), ("s.ply", vtk.vtkPLYReader())):
+                reader.SetFileName(self.path(name))
+                reader.Update()
+                self.assertEqual(reader.GetOutput().GetNumberOfCells(), expected.GetNumberOfCells())
+                np.testing.assert_allclose(reader.GetOutput().GetBounds(), expected.GetBounds(), atol=1e-5)
+            # The boundary of label 1 is closed and oriented: its normals point out of it.
+            ply = (self.dir / "s.ply").read_bytes()
+            n, faces = expected.GetNumberOfPoints(), expected.GetNumberOfCells()
+            body = ply.index(b"end_header\n") + len(b"end_header\n")
+            points = np.frombuffer(ply, "<f8", 3 * n, body).reshape(-1, 3)
+            face = np.frombuffer(ply, [("size", "u1"), ("v", "<u4", 3), ("first", "<i4"), ("second", "<i4")], faces,
+                                 body + points.nbytes)
+            self.assertEqual(body + points.nbytes + face.nbytes, len(ply))
+            self.assertEqual(set(zip(face["first"], face["second"])), pairs)
+            first, second, corners = face["first"], face["second"], points[face["v"]]
+            signed = np.einsum("ij,ij->i", np.cross(corners[:, 0], corners[:, 1]), corners[:, 2]) / 6
+            [volume] = [volumes(p, c)[l == 1].sum() for p, c, l in [self.mesh("--method", method)]]
+            self.assertAlmostEqual(signed[first == 1].sum() - signed[second == 1].sum(), volume, places=6)
+            solids = {line for line in (self.dir / "s.stl").read_text().splitlines() if line.startswith("solid")}
+            self.assertEqual(len(solids), len(pairs))
+
+    def test_flat_surface(self):
+        image = files.write_nrrd(self.path("flat.nrrd"), self.labels[:, :, 5].copy())
+        self.succeed("mesh", image, "-o", self.path("s.vtp"), "--surface")
+        polygons = vtk.vtkXMLPolyDataReader()
+        polygons.SetFileName(self.path("s.vtp"))
+        polygons.Update()
+        self.assertGreater(polygons.GetOutput().GetNumberOfLines(), 20)
+
+    def test_partitions_and_node_sets(self):
+        options = ("--partitions", 4, "--node-set", "low=plane:0,0,1,-0.5", "--node-set", "few=nodes:0,5-7",
+                   "--background", "keep")
+        report = json.loads(self.succeed("mesh", self.image, "-o", self.path("p.vtu"), "--json", *options))
+        grid = meshio.read(self.path("p.vtu"))
+        np.testing.assert_array_equal(grid.point_data["low"], np.abs(grid.points[:, 2] + 0.5) < 1e-6)
+        self.assertEqual(set(np.flatnonzero(grid.point_data["few"])), {0, 5, 6, 7})
+        self.assertEqual(report["node_sets"], {"low": int(grid.point_data["low"].sum()), "few": 4})
+        part, cells = grid.cell_data["partition"][0], grid.cells[0].data
+        sizes = np.bincount(part, minlength=4)
+        self.assertEqual((sizes.min(), sizes.max()), (report["partition"]["smallest"], report["partition"]["largest"]))
+        self.assertLess(sizes.max(), 1.1 * len(part) / 4)
+        owner = np.full(len(grid.points), 99)
+        np.minimum.at(owner, cells.ravel(), np.repeat(part, cells.shape[1]))
+        np.testing.assert_array_equal(grid.point_data["partition"], owner)
+        for name in ("p.msh", "p.xdmf"):
+            self.succeed("mesh", self.image, "-o", self.path(name), *options)
+            other = meshio.read(self.path(name))
+            self.assertEqual(other.point_data["low"].sum(), grid.point_data["low"].sum())
+            found = np.bincount(np.concatenate(other.cell_data["partition"]).astype(int).ravel(), minlength=4)
+            np.testing.assert_array_equal(found, sizes)
+
     def test_selection(self):
         self.assertEqual(set(self.mesh("--keep", "2")[2]), {2})
         self.assertEqual(set(self.mesh("--drop", "2")[2]), {1})

@@ -20,6 +20,7 @@ struct Row {
   double density;  ///< 0: a uniform tree
   bool templates;
   double min, max;  ///< degrees, to one decimal
+  FacetRule facets = FacetRule::midpoint;
 };
 
 template <int Dim>
@@ -27,6 +28,7 @@ DegreeRange worst_angles(const Row& row, int side) {
   Execution execution(1);
   MidpointOptions options;
   options.templates = row.templates;
+  options.facets = row.facets;
   DegreeRange worst;
   for (unsigned seed = 0; seed < (row.density > 0 ? 40U : 1U); ++seed) {
     const double density = row.density * (1 + seed % 4);
@@ -70,6 +72,13 @@ TEST(MidpointAngles, AsPublished3D) {
             {"2x2x2, unbalanced 16:1", kTwos, kUnbalanced, 0.0002, true, 8.1, 136.7},
             {"3x3x3, 3:1", kThrees, 1, 0.00005, true, 26.6, 133.3},
             {"3x3x3, unbalanced 27:1", kThrees, kUnbalanced, 0.00005, true, 7.1, 141.5}});
+}
+
+TEST(MidpointAngles, OfExtendedTemplatesAsPublished) {
+  check<3>({{"2x2x2, 2:1", kTwos, 1, 0.0005, true, 30, 125.3, FacetRule::extended},
+            {"2x2x2, 4:1", kTwos, 2, 0.0003, true, 13.9, 149.0, FacetRule::extended},
+            {"2x2x2, unbalanced 16:1", kTwos, kUnbalanced, 0.0002, true, 6.6, 149.0, FacetRule::extended},
+            {"3x3x3, 3:1", kThrees, 1, 0.00005, true, 15.5, 148.1, FacetRule::extended}});
 }
 
 }  // namespace

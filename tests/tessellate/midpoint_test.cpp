@@ -131,6 +131,28 @@ class BruteForce {
   std::int64_t cells_ = 0;
 };
 
+/// Extended templates: as exact, and no more vertices and cells; in 3D no others than corners and centres of leaves.
+template <int Dim>
+void check_extended(const Spacetree<Dim>& tree, const Mesh<Dim>& plain) {
+  Execution execution(2);
+  MidpointOptions options;
+  options.facets = FacetRule::extended;
+  const Mesh<Dim> mesh = tessellate_midpoint(tree, options, execution);
+  testing::expect_exact_tessellation(mesh, tree);
+  EXPECT_LE(mesh.points.size(), plain.points.size());
+  EXPECT_LE(mesh.cell_count(), plain.cell_count());
+  if constexpr (Dim == 3) {
+    std::set<std::array<std::int64_t, 3>> corners;
+    for (const Leaf<3>& leaf : tree.leaves)
+      for (int far = 0; far < 8; ++far) {
+        std::array<std::int64_t, 3> c{};
+        for (int d = 0; d < 3; ++d) c[d] = leaf.corner[d] + ((far >> d & 1) != 0 ? tree.extent_of(leaf)[d] : 0);
+        corners.insert(c);
+      }
+    EXPECT_LE(mesh.points.size() - corners.size(), tree.leaves.size());
+  }
+}
+
 template <int Dim>
 void check_case(const TreeCase& c, bool count) {
   SCOPED_TRACE(::testing::PrintToString(c));
@@ -147,6 +169,8 @@ void check_case(const TreeCase& c, bool count) {
   EXPECT_EQ(again.blocks[0].vertices, mesh.blocks[0].vertices);
   EXPECT_EQ(again.blocks[0].materials, mesh.blocks[0].materials);
   testing::expect_exact_tessellation(mesh_of(tree, 1, false), tree);
+  if constexpr (Dim > 2)
+    if (tree.leaves.size() < 300) check_extended(tree, mesh);
 }
 
 /// Every pattern with every balance, extents that are and are not multiples of the roots, few and many small leaves.

@@ -36,6 +36,13 @@ struct MeshSource {
   std::vector<std::string> array_names;
   std::vector<Group> groups;
 
+  /// Further whole numbers, one a cell (through the blocks) or a point.
+  struct Array {
+    std::string name;
+    const std::int32_t* values = nullptr;
+  };
+  std::vector<Array> cell_arrays, point_arrays;
+
   // The record of the frame.
   std::string space;                 ///< letters of the axes, "index", or empty
   std::vector<double> affine;        ///< voxel index (centres at integers) to coordinates, row by row
@@ -58,6 +65,11 @@ std::vector<std::uint64_t> write_chunks(OutputFile& file, const Execution& execu
                                         const std::function<void(std::int64_t, std::int64_t, std::string&)>& make);
 
 void write_vtu(const MeshSource& mesh, bool compress, OutputFile& file, const Execution& execution);
+/// The same with lines, triangles and quads as VTK's polygonal data.
+void write_vtp(const MeshSource& mesh, bool compress, OutputFile& file, const Execution& execution);
+/// Triangles in the order of the groups, one solid each. Quads are cut.
+void write_stl(const MeshSource& mesh, OutputFile& file, const Execution& execution);
+void write_ply(const MeshSource& mesh, OutputFile& file, const Execution& execution);
 void write_msh(const MeshSource& mesh, OutputFile& file, const Execution& execution);
 void write_medit(const MeshSource& mesh, OutputFile& file, const Execution& execution);
 

@@ -13,7 +13,9 @@
 namespace treemarch {
 namespace {
 
-enum class Format { vtu, msh, medit, xdmf };
+enum class Format { vtu, msh, medit, xdmf, vtp, stl, ply };
+
+bool is_for_surfaces(Format format) { return format >= Format::vtp; }
 
 Format format_of(const std::string& path) {
   const std::string extension = std::filesystem::path(path).extension().string();
@@ -21,8 +23,11 @@ Format format_of(const std::string& path) {
   if (extension == ".msh") return Format::msh;
   if (extension == ".mesh") return Format::medit;
   if (extension == ".xdmf") return Format::xdmf;
-  throw Error(ErrorKind::usage,
-              path + ": unknown output extension \"" + extension + "\"; use .vtu, .msh, .mesh or .xdmf");
+  if (extension == ".vtp") return Format::vtp;
+  if (extension == ".stl") return Format::stl;
+  if (extension == ".ply") return Format::ply;
+  throw Error(ErrorKind::usage, path + ": unknown output extension \"" + extension +
+                                    "\"; use .vtu, .msh, .mesh or .xdmf, or for surfaces .vtp, .stl or .ply");
 }
 
 void write_xdmf(const std::string& path, const MeshSource& source, const WriteOptions& options, OutputFile& text,
@@ -44,6 +49,9 @@ void write_source(const std::string& path, const MeshSource& source, const Write
   if (format == Format::msh) write_msh(source, file, execution);
   if (format == Format::medit) write_medit(source, file, execution);
   if (format == Format::xdmf) write_xdmf(path, source, options, file, execution);
+  if (format == Format::vtp) write_vtp(source, options.compress, file, execution);
+  if (format == Format::stl) write_stl(source, file, execution);
+  if (format == Format::ply) write_ply(source, file, execution);
   file.commit();
 }
 
@@ -91,6 +99,21 @@ MeshSource source_of(const Mesh<Dim>& mesh, const Frame<Dim>& frame, const std::
   return source;
 }
 
+/// Puts the extras into the source as arrays. \return what the source refers to.
+std::vector<std::vector<std::int32_t>> add_extras(const MeshExtras& extras, MeshSource& source) {
+  std::vector<std::vector<std::int32_t>> marks;
+  if (!extras.cell_part.empty()) {
+    source.cell_arrays.push_back({"partition", extras.cell_part.data()});
+    source.point_arrays.push_back({"partition", extras.vertex_part.data()});
+  }
+  for (const NodeSet& set : extras.node_sets) {
+    std::vector<std::int32_t>& mark = marks.emplace_back(static_cast<std::size_t>(source.point_count));
+    for (const VertexId v : set.vertices) mark[v] = 1;
+    source.point_arrays.push_back({set.name, mark.data()});
+  }
+  return marks;
+}
+
 /// Facets with their own numbering of points and groups.
 struct CompactFacets {
   std::vector<VertexId> chosen;                          ///< mesh vertex of each point
@@ -130,7 +153,16 @@ CompactFacets compacted(const std::vector<FacetBlock>& facets, std::size_t point
 }  // namespace
 
 void check_mesh_path(const std::string& path, bool overwrite) {
-  if (format_of(path) == Format::xdmf) const OutputFile arrays(xdmf_arrays_path(path), overwrite);
+  if (is_for_surfaces(format_of(path)))
+    throw Error(ErrorKind::usage, path + ": is a format of surfaces; choose .vtu, .msh, .mesh or .xdmf, or --surface");
+  check_surface_path(path, overwrite);
+}
+
+void check_surface_path(const std::string& path, bool overwrite, int dim) {
+  const Format format = format_of(path);
+  if (dim == 2 && (format == Format::stl || format == Format::ply))
+    throw Error(ErrorKind::usage, path + ": holds triangles, but the boundaries of a 2D mesh are lines; choose .vtp");
+  if (format == Format::xdmf) const OutputFile arrays(xdmf_arrays_path(path), overwrite);
   const OutputFile probe(path, overwrite);
 }
 
@@ -143,7 +175,11 @@ std::int32_t outside_label(const std::vector<std::int32_t>& labels) {
 
 template <int Dim>
 void write_mesh(const std::string& path, const Mesh<Dim>& mesh, const Frame<Dim>& frame, const WriteOptions& options,
-                const Execution& execution) {
+                const Execution& execution, const MeshExtras& extras) {
+  if (is_for_surfaces(format_of(path)))
+    throw Error(ErrorKind::usage, path + ": is a format of surfaces; choose .vtu, .msh, .mesh or .xdmf");
+  if (!extras.empty() && format_of(path) == Format::medit)
+    throw Error(ErrorKind::usage, path + ": holds no node sets and no partition; choose .vtu, .xdmf or .msh");
   if (Dim == 4 && format_of(path) != Format::xdmf)
     throw Error(ErrorKind::usage, path + ": a mesh of four dimensions is written as .xdmf; choose that extension");
   const std::vector<VertexId> all;
@@ -154,6 +190,7 @@ void write_mesh(const std::string& path, const Mesh<Dim>& mesh, const Frame<Dim>
     source.groups.push_back({{mesh.labels[m]}, cleaned(name_of(mesh.labels, mesh.names, m))});
   for (const CellBlock& b : mesh.blocks)
     if (b.size()) source.blocks.push_back({b.type, b.size(), b.vertices.data(), b.materials.data()});
+  const auto marks = add_extras(extras, source);
   write_source(path, source, options, execution);
 }
 
@@ -175,9 +212,12 @@ void write_interfaces(const std::string& path, const Mesh<Dim>& mesh, const std:
   write_source(path, source, options, execution);
 }
 
-template void write_mesh(const std::string&, const Mesh<2>&, const Frame<2>&, const WriteOptions&, const Execution&);
-template void write_mesh(const std::string&, const Mesh<3>&, const Frame<3>&, const WriteOptions&, const Execution&);
-template void write_mesh(const std::string&, const Mesh<4>&, const Frame<4>&, const WriteOptions&, const Execution&);
+template void write_mesh(const std::string&, const Mesh<2>&, const Frame<2>&, const WriteOptions&, const Execution&,
+                         const MeshExtras&);
+template void write_mesh(const std::string&, const Mesh<3>&, const Frame<3>&, const WriteOptions&, const Execution&,
+                         const MeshExtras&);
+template void write_mesh(const std::string&, const Mesh<4>&, const Frame<4>&, const WriteOptions&, const Execution&,
+                         const MeshExtras&);
 template void write_interfaces(const std::string&, const Mesh<2>&, const std::vector<FacetBlock>&, const Frame<2>&,
                                const WriteOptions&, const Execution&);
 template void write_interfaces(const std::string&, const Mesh<3>&, const std::vector<FacetBlock>&, const Frame<3>&,

@@ -168,24 +168,55 @@ void write_elements(const MeshSource& mesh, const Order& order, OutputFile& file
   file.write("\n$EndElements\n");
 }
 
-/// One value an element, in the order of the elements.
-void write_values(const MeshSource& mesh, const Order& order, std::size_t array, OutputFile& file,
-                  const Execution& execution) {
-  file.write("$ElementData\n1\n\"" + mesh.array_names[array] + "\"\n1\n0\n3\n0\n1\n" +
-             std::to_string(mesh.cell_count()) + "\n");
-  std::int32_t tag = 1;
-  for (const Run& run : order.runs) {
-    const double value = mesh.groups[run.group].values[array];
-    write_chunks(file, execution, run.end - run.begin, kChunk,
-                 [&](std::int64_t begin, std::int64_t end, std::string& to) {
-                   for (std::int64_t i = begin; i < end; ++i) {
-                     append(to, tag + static_cast<std::int32_t>(i));
-                     append(to, value);
-                   }
-                 });
-    tag += static_cast<std::int32_t>(run.end - run.begin);
+/// A section of one value an item: its head, what `values` appends, its end.
+template <class Values>
+void write_section(const std::string& section, const std::string& name, std::int64_t count, OutputFile& file,
+                   const Values& values) {
+  file.write("$" + section + "\n1\n\"" + name + "\"\n1\n0\n3\n0\n1\n" + std::to_string(count) + "\n");
+  values();
+  file.write("\n$End" + section + "\n");
+}
+
+/// value(block, cell of the block, group) of each element, in the order of the elements.
+template <class Value>
+void write_cell_values(const MeshSource& mesh, const Order& order, const std::string& name, OutputFile& file,
+                       const Execution& execution, const Value& value) {
+  write_section("ElementData", name, mesh.cell_count(), file, [&] {
+    std::int32_t tag = 1;
+    for (const Run& run : order.runs) {
+      write_chunks(file, execution, run.end - run.begin, kChunk,
+                   [&](std::int64_t begin, std::int64_t end, std::string& to) {
+                     for (std::int64_t i = begin; i < end; ++i) {
+                       append(to, tag + static_cast<std::int32_t>(i));
+                       append(to, double{value(run.block, order.cells[run.block][run.begin + i], run.group)});
+                     }
+                   });
+      tag += static_cast<std::int32_t>(run.end - run.begin);
+    }
+  });
+}
+
+void write_extras(const MeshSource& mesh, const Order& order, OutputFile& file, const Execution& execution) {
+  std::vector<std::int64_t> first;  // cell of each block
+  std::int64_t cells = 0;
+  for (const MeshSource::Block& block : mesh.blocks) {
+    first.push_back(cells);
+    cells += block.size;
   }
-  file.write("\n$EndElementData\n");
+  for (const MeshSource::Array& array : mesh.cell_arrays)
+    write_cell_values(
+        mesh, order, array.name, file, execution,
+        [&](std::size_t block, std::int64_t c, std::uint32_t) -> double { return array.values[first[block] + c]; });
+  for (const MeshSource::Array& array : mesh.point_arrays)
+    write_section("NodeData", array.name, mesh.point_count, file, [&] {
+      write_chunks(file, execution, mesh.point_count, kChunk,
+                   [&](std::int64_t begin, std::int64_t end, std::string& to) {
+                     for (std::int64_t i = begin; i < end; ++i) {
+                       append(to, static_cast<std::int32_t>(i + 1));
+                       append(to, static_cast<double>(array.values[i]));
+                     }
+                   });
+    });
 }
 
 }  // namespace
@@ -196,10 +227,14 @@ void write_msh(const MeshSource& mesh, OutputFile& file, const Execution& execut
   write_head(mesh, tags, file, execution);
   write_nodes(mesh, file, execution);
   write_elements(mesh, order, file, execution);
+  write_extras(mesh, order, file, execution);
   bool are_labels = mesh.array_names.size() == 1;
   for (std::size_t g = 0; g < tags.size(); ++g) are_labels = are_labels && tags[g] == mesh.groups[g].values[0];
   if (are_labels) return;
-  for (std::size_t a = 0; a < mesh.array_names.size(); ++a) write_values(mesh, order, a, file, execution);
+  for (std::size_t a = 0; a < mesh.array_names.size(); ++a)
+    write_cell_values(
+        mesh, order, mesh.array_names[a], file, execution,
+        [&](std::size_t, std::int64_t, std::uint32_t group) -> double { return mesh.groups[group].values[a]; });
 }
 
 }  // namespace treemarch

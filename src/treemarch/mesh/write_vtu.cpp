@@ -1,4 +1,4 @@
-// VTK's XML format for unstructured grids, version 1.0, arrays appended as raw bytes.
+// VTK's XML formats for unstructured grids and polygons, version 1.0, arrays appended as raw bytes.
 #include <zlib.h>
 
 #include <cstring>
@@ -87,7 +87,16 @@ void add_cells(const MeshSource& mesh, const std::string& type, std::vector<Appe
                     }});
 }
 
-std::vector<Appended> arrays_of(const MeshSource& mesh) {
+enum class Kind { grid, polygons };
+
+Appended array_of(const MeshSource::Array& array, std::int64_t items) {
+  return {"type=\"Int32\" Name=\"" + array.name + "\"", items, 4,
+          [values = array.values](std::int64_t begin, std::int64_t end, char* to) {
+            std::memcpy(to, values + begin, static_cast<std::size_t>(4 * (end - begin)));
+          }};
+}
+
+std::vector<Appended> arrays_of(const MeshSource& mesh, Kind kind) {
   std::vector<Appended> arrays;
   arrays.push_back({"type=\"Float64\" Name=\"Points\" NumberOfComponents=\"3\"", mesh.point_count, 24,
                     [&mesh](std::int64_t begin, std::int64_t end, char* to) {
@@ -100,12 +109,13 @@ std::vector<Appended> arrays_of(const MeshSource& mesh) {
     add_cells<std::int32_t>(mesh, "Int32", arrays);
   else
     add_cells<std::int64_t>(mesh, "Int64", arrays);
-  arrays.push_back(
-      {"type=\"UInt8\" Name=\"types\"", mesh.cell_count(), 1, [&mesh](std::int64_t begin, std::int64_t end, char* to) {
-         for_each_stretch(mesh, begin, end, one, [&](auto& b, auto first, auto last, auto done) {
-           std::memset(to + done, vtk_type(b.type), static_cast<std::size_t>(last - first));
-         });
-       }});
+  if (kind == Kind::grid)
+    arrays.push_back({"type=\"UInt8\" Name=\"types\"", mesh.cell_count(), 1,
+                      [&mesh](std::int64_t begin, std::int64_t end, char* to) {
+                        for_each_stretch(mesh, begin, end, one, [&](auto& b, auto first, auto last, auto done) {
+                          std::memset(to + done, vtk_type(b.type), static_cast<std::size_t>(last - first));
+                        });
+                      }});
   for (std::size_t a = 0; a < mesh.array_names.size(); ++a)
     arrays.push_back({"type=\"Int32\" Name=\"" + mesh.array_names[a] + "\"", mesh.cell_count(), 4,
                       [&mesh, a](std::int64_t begin, std::int64_t end, char* to) {
@@ -114,6 +124,8 @@ std::vector<Appended> arrays_of(const MeshSource& mesh) {
                             put(to + 4 * done, mesh.groups[b.groups[i]].values[a]);
                         });
                       }});
+  for (const MeshSource::Array& array : mesh.cell_arrays) arrays.push_back(array_of(array, mesh.cell_count()));
+  for (const MeshSource::Array& array : mesh.point_arrays) arrays.push_back(array_of(array, mesh.point_count));
   return arrays;
 }
 
@@ -154,12 +166,14 @@ std::string field_data(const MeshSource& mesh) {
 }
 
 /// The XML text with room for the offsets; notes where they go.
-std::string header(const MeshSource& mesh, bool compress, std::vector<Appended>& arrays) {
-  std::string text = "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\"";
+std::string header(const MeshSource& mesh, Kind kind, bool compress, std::vector<Appended>& arrays) {
+  const std::string type = kind == Kind::grid ? "UnstructuredGrid" : "PolyData";
+  std::string text = "<?xml version=\"1.0\"?>\n<VTKFile type=\"" + type + "\" version=\"1.0\"";
   text += " byte_order=\"LittleEndian\" header_type=\"UInt64\"";
   if (compress) text += " compressor=\"vtkZLibDataCompressor\"";
-  text += ">\n  <UnstructuredGrid>\n" + field_data(mesh);
-  text += "    <Piece NumberOfPoints=\"" + std::to_string(mesh.point_count) + "\" NumberOfCells=\"" +
+  text += ">\n  <" + type + ">\n" + field_data(mesh);
+  const std::string cells = kind == Kind::grid ? "Cells" : mesh.cell_dimension == 1 ? "Lines" : "Polys";
+  text += "    <Piece NumberOfPoints=\"" + std::to_string(mesh.point_count) + "\" NumberOf" + cells + "=\"" +
           std::to_string(mesh.cell_count()) + "\">\n";
   std::size_t next = 0;
   auto section = [&](const std::string& tag, const std::string& attributes, std::size_t count) {
@@ -172,9 +186,11 @@ std::string header(const MeshSource& mesh, bool compress, std::vector<Appended>&
     text += "      </" + tag + ">\n";
   };
   section("Points", "", 1);
-  section("Cells", "", 3);
-  section("CellData", " Scalars=\"" + mesh.array_names.front() + "\"", mesh.array_names.size());
-  return text + "    </Piece>\n  </UnstructuredGrid>\n  <AppendedData encoding=\"raw\">\n_";
+  section(cells, "", kind == Kind::grid ? 3 : 2);
+  section("CellData", " Scalars=\"" + mesh.array_names.front() + "\"",
+          mesh.array_names.size() + mesh.cell_arrays.size());
+  if (!mesh.point_arrays.empty()) section("PointData", "", mesh.point_arrays.size());
+  return text + "    </Piece>\n  </" + type + ">\n  <AppendedData encoding=\"raw\">\n_";
 }
 
 void append_compressed(const std::string& bytes, std::string& out) {
@@ -217,11 +233,9 @@ void write_array(const Appended& array, bool compress, OutputFile& file, const E
   file.write_at(at, sizes.data(), sizes.size() * 8);
 }
 
-}  // namespace
-
-void write_vtu(const MeshSource& mesh, bool compress, OutputFile& file, const Execution& execution) {
-  std::vector<Appended> arrays = arrays_of(mesh);
-  file.write(header(mesh, compress, arrays));
+void write_xml(const MeshSource& mesh, Kind kind, bool compress, OutputFile& file, const Execution& execution) {
+  std::vector<Appended> arrays = arrays_of(mesh, kind);
+  file.write(header(mesh, kind, compress, arrays));
   const std::int64_t start = file.position();
   for (const Appended& array : arrays) {
     // The quote that ends the attribute moves with the number: readers compare the text of the offset.
@@ -231,6 +245,16 @@ void write_vtu(const MeshSource& mesh, bool compress, OutputFile& file, const Ex
     file.write_at(array.offset_position, offset.data(), offset.size());
   }
   file.write("\n  </AppendedData>\n</VTKFile>\n");
+}
+
+}  // namespace
+
+void write_vtu(const MeshSource& mesh, bool compress, OutputFile& file, const Execution& execution) {
+  write_xml(mesh, Kind::grid, compress, file, execution);
+}
+
+void write_vtp(const MeshSource& mesh, bool compress, OutputFile& file, const Execution& execution) {
+  write_xml(mesh, Kind::polygons, compress, file, execution);
 }
 
 }  // namespace treemarch

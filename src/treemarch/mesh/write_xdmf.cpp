@@ -12,6 +12,7 @@ namespace {
 
 constexpr hsize_t kRowsPerChunk = 1 << 16;
 constexpr unsigned kFastest = 1;
+const std::string kOfPoints = "point_";  // before the names of arrays of points
 
 /// XDMF has no cells of four dimensions: there they are sets of five points.
 constexpr const char* xdmf_type(CellType type) {
@@ -131,6 +132,13 @@ void write_xdmf_arrays(const MeshSource& mesh, bool compress, const std::string&
                            [&](std::int64_t begin, std::int64_t end, std::int32_t* to) {
                              for (std::int64_t i = begin; i < end; ++i) *to++ = mesh.groups[block.groups[i]].values[a];
                            });
+  const auto whole = [&](const std::string& name, const MeshSource::Array& array, std::int64_t count) {
+    out.rows<std::int32_t>(name.c_str(), count, 0, [&](std::int64_t begin, std::int64_t end, std::int32_t* to) {
+      std::copy(array.values + begin, array.values + end, to);
+    });
+  };
+  for (const MeshSource::Array& array : mesh.cell_arrays) whole(array.name, array, block.size);
+  for (const MeshSource::Array& array : mesh.point_arrays) whole(kOfPoints + array.name, array, mesh.point_count);
   out.array("affine", mesh.affine, mesh.affine_side());
   out.array("outside_label", std::vector{mesh.outside});
   out.texts("space", {mesh.space});
@@ -164,6 +172,13 @@ std::string xdmf_text(const MeshSource& mesh, const std::string& arrays) {
   for (const std::string& name : mesh.array_names)
     text += "<Attribute Name=\"" + name + "\" AttributeType=\"Scalar\" Center=\"Cell\">" +
             item("NumberType=\"Int\" Precision=\"4\"", cells, name) + "</Attribute>\n";
+  const auto attribute = [&](const MeshSource::Array& array, const char* centre, const std::string& count,
+                             const std::string& prefix) {
+    text += "<Attribute Name=\"" + array.name + "\" AttributeType=\"Scalar\" Center=\"" + centre + "\">" +
+            item("NumberType=\"Int\" Precision=\"4\"", count, prefix + array.name) + "</Attribute>\n";
+  };
+  for (const MeshSource::Array& array : mesh.cell_arrays) attribute(array, "Cell", cells, "");
+  for (const MeshSource::Array& array : mesh.point_arrays) attribute(array, "Node", points, kOfPoints);
   if (mesh.coordinates > 3)
     text += "<Attribute Name=\"time\" AttributeType=\"Scalar\" Center=\"Node\">" + columns(3, 1) + "</Attribute>\n";
   return text + "</Grid>\n</Domain>\n</Xdmf>\n";

@@ -78,6 +78,8 @@ MeshResult<Dim> mesh_image(const LabelImage<Dim>& image, const MeshOptions& opti
   (void)parse_pattern<Dim>(options.pattern);
   if (Dim == 4 && options.method != Method::paper)
     throw Error(ErrorKind::usage, "--space-time: four dimensions need --method paper");
+  if (options.facets != FacetRule::midpoint && options.method != Method::paper)
+    throw Error(ErrorKind::usage, "--facets: is of --method paper; leave it out or choose that method");
   check_shift(options);
   const bool boxes = Dim < 4 && options.elements == Elements::boxes;
   const bool guaranteed = !boxes && options.method == Method::guaranteed;

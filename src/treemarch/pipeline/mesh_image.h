@@ -15,6 +15,7 @@
 #include "treemarch/sizing/default_sizes.h"
 #include "treemarch/sizing/sizing_rule.h"
 #include "treemarch/smooth/shift.h"
+#include "treemarch/tessellate/midpoint.h"
 
 namespace treemarch {
 
@@ -53,8 +54,9 @@ struct MeshOptions {
   std::vector<double> weights;     ///< by material, for the majority in cells larger than a voxel; empty: all 1
   std::string pattern = "auto";    ///< refinement pattern, as parse_pattern() reads it
   int balance = 1;                 ///< difference of level over faces, edges and corners; kUnbalanced for no limit
-  std::optional<FieldKind> field;  ///< separating function; the method's own where it is not given
-  std::optional<double> snap;      ///< fraction of an edge within which a vertex moves onto a surface; as field
+  FacetRule facets = FacetRule::midpoint;  ///< paper's method: how facets with hanging nodes are divided
+  std::optional<FieldKind> field;          ///< separating function; the method's own where it is not given
+  std::optional<double> snap;              ///< fraction of an edge within which a vertex moves onto a surface; as field
   double shift = 0;                ///< boxes: vertices move onto interfaces by at most this part of a cell, below 0.5
   std::optional<int> smooth;       ///< smoothing steps; as field
   double sigma = kDefaultSigma;    ///< smoothing of the fields that smooth, in voxels along each axis

@@ -66,6 +66,7 @@ Mesh<Dim> mesh_by_paper(const LabelImage<Dim>& image, const GreyInput<Dim>* grey
   if (options.elements == Elements::hybrid) shapes = hybrid_shapes(tree, execution);
   MidpointOptions tessellation;
   tessellation.shapes = shapes;
+  tessellation.facets = options.facets;
   Mesh<Dim> mesh = tessellate_midpoint(tree, tessellation, execution);
   tree = {};
   mesh.labels = image.labels;

@@ -30,7 +30,9 @@ Mesh<4> mesh_space_time(const LabelImage<4>& image, const MeshOptions& options, 
   Spacetree<4> tree = build_spacetree<4>(sized.lattice, sized.pattern, required_levels(image, sized, sizes, execution),
                                          options.balance, execution);
   assign_materials(tree, image, options.weights, execution);
-  Mesh<4> mesh = tessellate_midpoint(tree, {}, execution);
+  MidpointOptions tessellation;
+  tessellation.facets = options.facets;
+  Mesh<4> mesh = tessellate_midpoint(tree, tessellation, execution);
   tree = {};
   mesh.labels = image.labels;
   mesh.names = image.names;

@@ -203,6 +203,13 @@ std::string to_json(const Report& report) {
     json["shift"] = {{"vertices", report.shift->vertices},
                      {"shifted", report.shift->shifted},
                      {"held_back", report.shift->held_back}};
+  if (report.parts)
+    json["partition"] = {{"parts", report.parts->count},
+                         {"smallest", report.parts->smallest},
+                         {"largest", report.parts->largest},
+                         {"facets_between", report.parts->facets_between},
+                         {"nodes_between", report.parts->vertices_between}};
+  for (const auto& [set, count] : report.node_sets) json["node_sets"][set] = count;
   if (report.guarantee) json["guarantee"] = guarantee_json(*report.guarantee);
   if (report.defects) {
     json["valid"] = report.defects->sound();

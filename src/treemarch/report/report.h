@@ -44,13 +44,19 @@ struct Report {
   std::vector<std::pair<CellType, std::int64_t>> cells;  ///< number by type, types that occur only
   MeshQuality quality;                                   ///< without cells where it was not measured
   Fidelity fidelity;
-  std::optional<CleanUpReport> clean_up;      ///< where it was asked for
-  std::optional<GuaranteeReport> guarantee;   ///< of the default method
-  std::optional<ShiftReport> shift;           ///< of hexahedral meshes
-  std::optional<MeshDefects> defects;         ///< where the mesh was examined
-  std::vector<Execution::StageTime> seconds;  ///< by stage
-  double mesh_seconds = 0;                    ///< from the image in memory to the mesh in memory
-  std::int64_t peak_memory_bytes = 0;         ///< of the whole process so far
+  struct Parts {
+    std::int64_t count = 0, smallest = 0, largest = 0;      ///< parts, and cells in a part
+    std::int64_t facets_between = 0, vertices_between = 0;  ///< that two or more parts share
+  };
+  std::optional<Parts> parts;                                   ///< of the mesh for parallel solvers
+  std::vector<std::pair<std::string, std::int64_t>> node_sets;  ///< names and numbers of nodes
+  std::optional<CleanUpReport> clean_up;                        ///< where it was asked for
+  std::optional<GuaranteeReport> guarantee;                     ///< of the default method
+  std::optional<ShiftReport> shift;                             ///< of hexahedral meshes
+  std::optional<MeshDefects> defects;                           ///< where the mesh was examined
+  std::vector<Execution::StageTime> seconds;                    ///< by stage
+  double mesh_seconds = 0;                                      ///< from the image in memory to the mesh in memory
+  std::int64_t peak_memory_bytes = 0;                           ///< of the whole process so far
   std::vector<std::string> warnings;
 
   [[nodiscard]] std::int64_t cell_count() const {

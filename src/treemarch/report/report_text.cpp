@@ -155,6 +155,11 @@ std::string fidelity_line(const Fidelity& fidelity) {
 std::string to_text(const Report& report, ReportLength length) {
   std::string text = std::to_string(report.points) + " points";
   for (const auto& [type, count] : report.cells) text += ", " + std::to_string(count) + " " + name(type) + " cells";
+  if (report.parts)
+    text += "\n" + std::to_string(report.parts->count) + " parts of " + std::to_string(report.parts->smallest) +
+            " to " + std::to_string(report.parts->largest) + " cells, " + std::to_string(report.parts->facets_between) +
+            " facets between them";
+  for (const auto& [set, count] : report.node_sets) text += "\nnode set " + set + ": " + std::to_string(count);
   if (report.quality.angles != DegreeRange{})
     text += format(report.dimension == 2 ? "\nangles %.2f to %.2f degrees" : "\ndihedral angles %.2f to %.2f degrees",
                    report.quality.angles.min, report.quality.angles.max);

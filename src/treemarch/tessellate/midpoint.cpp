@@ -9,6 +9,7 @@
 
 #include "treemarch/core/parallel.h"
 #include "treemarch/tessellate/lattice_points.h"
+#include "treemarch/tessellate/rim_triangles.h"
 
 namespace treemarch {
 namespace {
@@ -51,6 +52,7 @@ class Complex {
     }
   }
 
+  [[nodiscard]] const Vec<Dim>& unit() const { return tree_.lattice.unit; }
   [[nodiscard]] const Coord<Dim>& extent(int level) const { return extent_[level]; }
   /// The first level whose cells are smaller than those of `level` along one of the axes; beyond the finest if none is.
   [[nodiscard]] int next_level(int level, AxisMask axes) const { return next_[level][axes]; }
@@ -175,6 +177,8 @@ class Divider {
           if constexpr (K == 4) return tesseract(face, odd);
         }
       }
+      if constexpr (K == 2 && Dim > 2)
+        if (options_.facets == FacetRule::extended && rim_rule(face)) return;
       midpoint_rule<K>(face);
     }
   }
@@ -192,6 +196,57 @@ class Divider {
       facet.corner[d] += side[d];
       any<K - 1>(facet);
     }
+  }
+
+  /// Divides a rectangle by triangles between the vertices of its rim. Returns false, and does nothing, where there are
+  /// too many of them.
+  bool rim_rule(const Face<Dim>& face) {
+    constexpr std::size_t kMost = 128;  // the search is cubic
+    find_rim(face);
+    if (rim_.size() > kMost) return false;
+    const AxisMask first = face.axes & (0U - face.axes);
+    const int x = std::countr_zero(first), y = std::countr_zero(face.axes ^ first);
+    std::vector<Vec<2>> points;
+    for (const Coord<Dim>& v : rim_)
+      points.push_back({(v[x] - rim_[0][x]) * complex_.unit()[x], (v[y] - rim_[0][y]) * complex_.unit()[y]});
+    const RimTriangles rim = triangulate_rim(points);
+    if (rim.largest_cosine > 1) return false;
+    for (const auto& triangle : rim.triangles) {
+      for (int i = 0; i < 3; ++i) simplex_[i] = rim_[triangle[i]];
+      visit_(simplex_);
+    }
+    return true;
+  }
+
+  /// The vertices around a rectangle, from its lower corner along its first axis.
+  void find_rim(const Face<Dim>& face) {
+    const AxisMask x = face.axes & (0U - face.axes), y = face.axes ^ x;
+    rim_.clear();
+    const auto edge = [&](AxisMask along, AxisMask beside, bool backwards) {
+      Face<Dim> side{face.corner, along, face.level};
+      for (int d = 0; d < Dim; ++d)
+        if ((beside >> d & 1U) != 0) side.corner[d] += complex_.extent(face.level)[d];
+      const std::size_t begin = rim_.size();
+      add_segments(side, backwards);
+      if (backwards) std::reverse(rim_.begin() + static_cast<std::ptrdiff_t>(begin), rim_.end());
+    };
+    edge(x, 0, false);
+    edge(y, x, false);
+    edge(x, y, true);
+    edge(y, 0, true);
+  }
+
+  /// The starts of the segments of an edge, or their ends.
+  void add_segments(const Face<Dim>& edge, bool ends) {
+    if (!complex_.is_divided(edge)) {
+      rim_.push_back(at(edge, ends ? edge.axes : 0));
+      return;
+    }
+    const int axis = std::countr_zero(edge.axes);
+    const int next = complex_.next_level(edge.level, edge.axes);
+    Face<Dim> part{edge.corner, edge.axes, next};
+    const std::int32_t end = edge.corner[axis] + complex_.extent(edge.level)[axis];
+    for (; part.corner[axis] < end; part.corner[axis] += complex_.extent(next)[axis]) add_segments(part, ends);
   }
 
   [[nodiscard]] LeafShape shape_of(LeafId id) const {
@@ -332,6 +387,7 @@ class Divider {
   const MidpointOptions& options_;
   bool templates_ = true;  // for the leaf at hand
   Visit visit_;
+  std::vector<Coord<Dim>> rim_;  ///< of the rectangle at hand, in half units
   std::array<Coord<Dim>, Dim + 1> simplex_{};
 };
 

@@ -12,9 +12,16 @@
 
 namespace treemarch {
 
+/// How a rectangle with hanging nodes on its rim is divided (3D and 4D).
+enum class FacetRule {
+  midpoint,  ///< its sides are joined to a vertex inside
+  extended,  ///< triangles between its own vertices: fewer cells, smaller angles (extended template)
+};
+
 struct MidpointOptions {
   /// Regular cells (no hanging node on any edge) become 5 tetrahedra in 3D; false: the midpoint rule for all cells.
   bool templates = true;
+  FacetRule facets = FacetRule::midpoint;
   /// One a leaf, as choose_leaf_shapes() gives them, or empty: all simplices. Dim 2 or 3.
   std::span<const LeafShape> shapes;
 };
@@ -23,9 +30,11 @@ struct MidpointOptions {
 /// any balance.
 ///
 /// Vertices are the corners of the leaves, the centres of the leaves that the midpoint rule divides and the centres of
-/// the facets (in 4D: of the faces) that have hanging nodes. They are numbered by their position, first axis fastest.
-/// Cells of one type come in the order of the leaves, are positive, and carry the material of their leaf. No choice
-/// depends on anything but the lattice, so that the result is the same for any number of threads.
+/// the facets (in 4D: of the faces) that have hanging nodes, unless
+/// `facets` is extended. They are numbered by
+/// their position, first axis fastest. Cells of one type come in the order of the leaves, are positive, and carry the
+/// material of their leaf. No choice depends on anything but the lattice, so that the result is the same for any number
+/// of threads.
 ///
 /// \return a block of each type of cell that there is; `labels` and `names` are left
 /// empty for the caller, who knows the image. \throw Error(limits) with more vertices than VertexId can count.
