@@ -6,6 +6,7 @@
 #include <functional>
 
 #include "support/images.h"
+#include "support/meshes.h"
 #include "treemarch/core/error.h"
 #include "treemarch/mesh/quality.h"
 #include "treemarch/mesh/validate.h"
@@ -185,6 +186,26 @@ TEST(MeshImage, HybridMeshesAreSoundAndSmaller) {
   }
   expect_good_hybrid(testing::ball_image<2>({41, 38}, 0.3, 5), {});
   expect_good_hybrid(testing::ball_image<3>({26, 25, 24}, 0.3, 5), {});
+}
+
+/// The default method improves first and merges simplices then: interfaces are the same, facet for facet.
+TEST(MeshImage, HybridMeshesHaveTheInterfacesOfSimplicesAndHalfTheCells) {
+  for (const bool keep_background : {true, false}) {
+    const auto image = testing::ball_image<3>({40, 40, 40}, 0.31, 2);
+    MeshOptions options;
+    options.keep_background = keep_background;
+    options.sizes.min_size = 1;
+    const Mesh<3> plain = meshed(image, options);
+    options.elements = Elements::hybrid;
+    const Mesh<3> hybrid = meshed(image, options);
+    const Hull hull = keep_background ? Hull::leave_out : Hull::include;
+    EXPECT_EQ(testing::interfaces_of(hybrid, hull), testing::interfaces_of(plain, hull));
+    EXPECT_LE(2 * hybrid.cell_count(), plain.cell_count());
+    EXPECT_TRUE(validate(hybrid, Execution(2)).sound());
+    const MeshQuality quality = measure_quality(hybrid, image.frame, 0, Execution(2));
+    EXPECT_GE(quality.angles.min, 20 - 1e-6);
+    EXPECT_LE(quality.angles.max, 155 + 1e-6);
+  }
 }
 
 TEST(MeshImage, StopsWhenItIsAskedTo) {

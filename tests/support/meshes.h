@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "treemarch/mesh/cell_topology.h"
+#include "treemarch/mesh/interfaces.h"
 #include "treemarch/mesh/mesh.h"
 
 namespace treemarch::testing {
@@ -53,6 +54,23 @@ Mesh<Dim> box_mesh(const Coord<Dim>& extent, const std::function<std::int32_t(co
   }
   mesh.blocks.push_back(std::move(block));
   return mesh;
+}
+
+/// Facets between materials as points, whatever the numbering.
+template <int Dim>
+std::vector<std::vector<Vec<Dim>>> interfaces_of(const Mesh<Dim>& mesh, Hull hull = Hull::leave_out) {
+  std::vector<std::vector<Vec<Dim>>> facets;
+  for (const FacetBlock& block : extract_interfaces(mesh, hull, Execution(1))) {
+    const int corners = vertex_count(block.type);
+    for (std::int64_t i = 0; i < block.size(); ++i) {
+      std::vector<Vec<Dim>> facet;
+      for (int k = 0; k < corners; ++k) facet.push_back(mesh.points[block.vertices[i * corners + k]]);
+      std::ranges::sort(facet);
+      facets.push_back(facet);
+    }
+  }
+  std::ranges::sort(facets);
+  return facets;
 }
 
 /// One hexahedron at the bottom, pyramids on a midpoint above it, the gaps filled by tetrahedra: every type of cell in

@@ -65,6 +65,7 @@ class Improver {
       report_.below_after += q < options_.quality;
       report_.worst_after = std::min(report_.worst_after, q);
     }
+    if (options_.keep_numbers) removed_.vertices.clear();
     compact(mesh_, std::move(removed_), execution_);
     return report_;
   }

@@ -19,6 +19,7 @@ struct ImproveOptions {
   double seconds = 0;           ///< stops after so long (then the result depends on the machine); 0 for no limit
   int passes = 20;              ///< of operations that change the connectivity, at most
   std::int64_t first_cell = 0;  ///< cells before it meet the target and touch no interface but at vertices of others
+  bool keep_numbers = false;    ///< vertices that no cell needs any more stay in `points`
   bool pull = true;             ///< bring vertices that lie off their interface back to it where quality allows
 };
 

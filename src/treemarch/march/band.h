@@ -36,8 +36,6 @@ class Band {
   /// Triangles with three cuts, ascending.
   [[nodiscard]] const std::vector<Triangle>& triangles() const { return triangles_; }
   [[nodiscard]] std::int64_t far_count() const { return far_count_; }
-  /// How many far simplices come before each block of leaves.
-  [[nodiscard]] const std::vector<std::int64_t>& first_far() const { return first_far_; }
 
   /// Calls visit(number, simplex, material) for each far simplex, from several threads; numbers are 0 to far_count().
   template <class Visit>
@@ -84,7 +82,7 @@ class Band {
   std::vector<Simplex> simplices_;
   std::vector<std::uint8_t> cuts_;
   std::vector<Triangle> triangles_;
-  std::vector<std::int64_t> first_far_;  // per block
+  std::vector<std::int64_t> first_far_;  // far simplices before each block of leaves
   std::int64_t far_count_ = 0;
 };
 

@@ -24,8 +24,6 @@ Mesh<Dim> cut_lattice(const SimplexLattice<Dim>& lattice, const Field<Dim>& fiel
   report.lattice_vertices = static_cast<std::int64_t>(lattice.vertices.size());
   report.band_simplices = static_cast<std::int64_t>(band.simplices().size());
   report.far_cells = band.far_count();
-  report.first_far = band.first_far();
-  report.first_far.push_back(report.far_cells);
   report.lattice_simplices = report.band_simplices + report.far_cells;
   report.cut_edges = emitted.cut_edges;
   report.triple_points = emitted.triple_points;

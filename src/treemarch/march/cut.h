@@ -27,8 +27,6 @@ struct CutReport {
   std::int64_t lattice_simplices = 0;
   std::int64_t band_simplices = 0;  ///< of these, near interfaces
   std::int64_t far_cells = 0;       ///< the first so many cells of the mesh are simplices of the lattice as they were
-  /// Where in the mesh those of each block of kLeavesPerBlock leaves (march/band.h) begin, and the end.
-  std::vector<std::int64_t> first_far;
   std::int64_t cut_edges = 0, triple_points = 0, inner_points = 0;
   std::int64_t snapped_vertices = 0;
   std::int64_t retreated_points = 0;

@@ -39,6 +39,12 @@ CellBlock without(const CellBlock& block, MaterialId material, const Execution& 
 }  // namespace
 
 template <int Dim>
+void drop_cells(Mesh<Dim>& mesh, MaterialId material, const Execution& execution) {
+  for (CellBlock& block : mesh.blocks) block = without(block, material, execution);
+  std::erase_if(mesh.blocks, [](const CellBlock& b) { return b.size() == 0; });
+}
+
+template <int Dim>
 void drop_unused_points(Mesh<Dim>& mesh, const Execution& execution) {
   std::vector<VertexId> number(mesh.points.size());
   for (const CellBlock& block : mesh.blocks) {
@@ -65,11 +71,12 @@ void drop_unused_points(Mesh<Dim>& mesh, const Execution& execution) {
 template <int Dim>
 void drop_material(Mesh<Dim>& mesh, MaterialId material, Execution& execution) {
   const Execution::Stage stage(execution, "drop background");
-  for (CellBlock& block : mesh.blocks) block = without(block, material, execution);
-  std::erase_if(mesh.blocks, [](const CellBlock& b) { return b.size() == 0; });
+  drop_cells(mesh, material, execution);
   drop_unused_points(mesh, execution);
 }
 
+template void drop_cells(Mesh<2>&, MaterialId, const Execution&);
+template void drop_cells(Mesh<3>&, MaterialId, const Execution&);
 template void drop_unused_points(Mesh<2>&, const Execution&);
 template void drop_unused_points(Mesh<3>&, const Execution&);
 template void drop_material(Mesh<2>&, MaterialId, Execution&);

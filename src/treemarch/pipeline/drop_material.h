@@ -7,13 +7,17 @@
 
 namespace treemarch {
 
-/// Removes the cells of a material, then the points that no cell uses; what stays keeps its order. Material ids and the
-/// table of labels stay as they are.
+/// Removes the cells of a material; the others keep their order. Points, material ids and the table of labels stay as
+/// they are.
 template <int Dim>
-void drop_material(Mesh<Dim>& mesh, MaterialId material, Execution& execution);
+void drop_cells(Mesh<Dim>& mesh, MaterialId material, const Execution& execution);
 
 /// Takes the points without a cell out of a mesh; the others keep their order.
 template <int Dim>
 void drop_unused_points(Mesh<Dim>& mesh, const Execution& execution);
+
+/// Both.
+template <int Dim>
+void drop_material(Mesh<Dim>& mesh, MaterialId material, Execution& execution);
 
 }  // namespace treemarch

@@ -121,25 +121,34 @@ Mesh<Dim> shape_mesh(const Shaping<Dim>& how, SimplexLattice<Dim>& lattice, bool
   repair.left_out = how.left_out;
   report.repair = repair_topology(mesh, how.image, repair, execution);
   std::int64_t far_cells = report.cut.far_cells;
-  if (hybrid) far_cells = keep_whole<Dim>(mesh, lattice, report.cut.first_far, execution);
-  if (last) lattice = {};
   if (how.left_out != kOutside) {
     const auto materials = mesh.blocks[0].materials.begin();
     far_cells -= std::count(materials, materials + far_cells, how.left_out);
-    drop_material(mesh, how.left_out, execution);
-  } else if (hybrid) {
-    drop_unused_points(mesh, execution);
+    if (hybrid)
+      drop_cells(mesh, how.left_out, execution);
+    else
+      drop_material(mesh, how.left_out, execution);
   }
 
   stage.emplace(execution, "improve");
   ImproveOptions improvement;
   improvement.quality = how.options.quality;
   if (how.cubic && improvement.quality <= kFarQuality) improvement.first_cell = far_cells;
+  improvement.keep_numbers = hybrid;
   report.improve = improve(mesh, field, how.image.size(), improvement, execution);
 
   if (how.coarse) {
     stage.emplace(execution, "fit");
     report.fit = fit_interfaces(mesh, field, how.image.size(), {how.options.quality, how.left_out}, execution);
+  }
+
+  if (hybrid) {
+    stage.emplace(execution, "whole cells");
+    WholeCellOptions whole;
+    whole.quality = std::max(how.options.quality, report.quality_floor);
+    keep_whole(mesh, lattice, whole, execution);
+    if (last) lattice = {};
+    drop_unused_points(mesh, execution);
   }
   return mesh;
 }
