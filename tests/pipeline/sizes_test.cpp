@@ -35,7 +35,22 @@ TEST(Sizes, WhatIsGivenStays) {
   EXPECT_EQ(driven.material_size, options.sizes.material_size);
   EXPECT_EQ(driven.layers, 2);
   options.sizes.min_size = 0;
+  EXPECT_EQ(completed(image, options).floor_size, 0.9);
+  options.sizes.layers = 0;
   EXPECT_EQ(completed(image, options).floor_size, 1);
+}
+
+TEST(Sizes, LayersMayHaveSmallCellsHoweverLargeTheOthersAre) {
+  const auto image = testing::noise_image<3>({90, 80, 70}, 4, 1);
+  MeshOptions options;
+  options.detail = Detail::coarse;
+  ASSERT_GT(completed(image, options).floor_size, 2);
+  options.sizes.layers = 2;
+  const SizingRule rule = completed(image, options);
+  EXPECT_EQ(rule.layer_floor, 0.9);
+  EXPECT_GT(rule.floor_size, 1.8);
+  const double level = std::log2(rule.floor_size / rule.layer_floor);
+  EXPECT_EQ(level, std::round(level)) << "all sizes are levels of one tree";
 }
 
 TEST(Sizes, NothingGivenFollowsTheDetail) {

@@ -64,6 +64,20 @@ TEST(CubicLattice, IsNearlyCubicWhereTheBoxHasRoom) {
   }
 }
 
+TEST(CubicLattice, PutsNoLayerOfSmallestCellsOntoTheSidesOfTheBox) {
+  std::mt19937 random(4);
+  for (int round = 0; round < 100; ++round) {
+    LabelImage<3> image;
+    for (int d = 0; d < 3; ++d) {
+      image.extent[d] = 160 + static_cast<std::int32_t>(random() % 200);
+      image.frame.spacing[d] = 1;
+    }
+    const auto lattice = choose_cubic_lattice(image, 1.1 + 0.01 * static_cast<double>(random() % 80), 16).lattice;
+    for (const std::int32_t cells : lattice.extent) EXPECT_EQ(cells % 2, 0);
+    EXPECT_LE(stretch(lattice), kMostStretch);
+  }
+}
+
 TEST(CubicLattice, TakesWholeVoxelsWhereTheyFit) {
   LabelImage<3> image;
   image.extent = {24, 36, 60};

@@ -37,9 +37,10 @@ void expect_levels_of_one_tree(const SizingRule& rule) {
 
 TEST(DefaultSizes, AreLevelsOfOneTree) {
   for (const Detail detail : {Detail::coarse, Detail::normal, Detail::fine}) {
-    expect_levels_of_one_tree(default_sizes(layered(), detail, 0, execution()));
-    expect_levels_of_one_tree(default_sizes(testing::noise_image<3>({20, 30, 40}, 5, 1), detail, 3, execution()));
-    expect_levels_of_one_tree(default_sizes(testing::ball_image<2>({200, 300}, 0.4), detail, 0, execution()));
+    expect_levels_of_one_tree(default_sizes(layered(), detail, {}, execution()));
+    expect_levels_of_one_tree(
+        default_sizes(testing::noise_image<3>({20, 30, 40}, 5, 1), detail, {.largest = 3}, execution()));
+    expect_levels_of_one_tree(default_sizes(testing::ball_image<2>({200, 300}, 0.4), detail, {}, execution()));
   }
   expect_levels_of_one_tree(driven_sizes(layered(), 0.5, 1.5, 0, execution()));
 }
@@ -57,26 +58,26 @@ TEST(DefaultSizes, MoreDetailMeansSmallerCells) {
   const auto image = testing::noise_image<3>({64, 64, 64}, 3, 2);  // so much area that the number of cells counts
   SizingRule before;
   for (const Detail detail : {Detail::coarse, Detail::normal, Detail::fine}) {
-    const SizingRule rule = default_sizes(image, detail, 0, execution());
+    const SizingRule rule = default_sizes(image, detail, {}, execution());
     if (detail != Detail::coarse) {
       EXPECT_LT(rule.tolerance, before.tolerance);
       EXPECT_LE(rule.floor_size, before.floor_size);
     }
     before = rule;
   }
-  EXPECT_GT(default_sizes(image, Detail::coarse, 0, execution()).floor_size, 2);
+  EXPECT_GT(default_sizes(image, Detail::coarse, {}, execution()).floor_size, 2);
 }
 
 TEST(DefaultSizes, ScaleWithTheImageAndStayBelowTheLargest) {
   auto image = testing::ball_image<3>({40, 40, 40}, 0.4);
-  const SizingRule one = default_sizes(image, Detail::normal, 0, execution());
+  const SizingRule one = default_sizes(image, Detail::normal, {}, execution());
   for (double& s : image.frame.spacing) s *= 8;
-  const SizingRule eight = default_sizes(image, Detail::normal, 0, execution());
+  const SizingRule eight = default_sizes(image, Detail::normal, {}, execution());
   EXPECT_DOUBLE_EQ(eight.floor_size, 8 * one.floor_size);
   EXPECT_DOUBLE_EQ(eight.tolerance, 8 * one.tolerance);
   for (std::size_t m = 0; m < 2; ++m)
     EXPECT_DOUBLE_EQ(eight.material_interface_size[m], 8 * one.material_interface_size[m]);
-  const SizingRule limited = default_sizes(image, Detail::normal, 5, execution());
+  const SizingRule limited = default_sizes(image, Detail::normal, {.largest = 5}, execution());
   EXPECT_LE(limited.floor_size, 5);
   EXPECT_LE(limited.min_size, 5);
 }

@@ -1,6 +1,7 @@
 #include "treemarch/improve/bridge.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <queue>
@@ -157,6 +158,37 @@ int neighbours_within(const BrokenComponents<Dim>& broken, std::int64_t voxel) {
   return count;
 }
 
+/// Gives a lost component the cells around the centre of its innermost voxel, and those of which it has half the
+/// volume.
+template <int Dim>
+void restore(Patch<Dim>& patch, const BrokenComponents<Dim>& broken,
+             std::span<const typename BrokenComponents<Dim>::Lost> lost, std::vector<CellId>& relabelled) {
+  std::int64_t innermost = -1;
+  int most = -1;
+  for (const auto& l : lost)
+    if (const int n = neighbours_within(broken, l.voxel); n > most) innermost = l.voxel, most = n;
+  double voxel = 1;
+  for (const double h : broken.image->frame.spacing) voxel *= h;
+  std::vector<std::pair<CellId, double>> share;  // of its voxels in cells
+  for (const auto& l : lost) {
+    std::array<Vec<Dim>, Dim> edges;
+    const SimplexVertices<Dim> v = patch.cell(l.cell);
+    for (int k = 0; k < Dim; ++k) edges[k] = patch.point(v[k + 1]) - patch.point(v[0]);
+    const double volume = determinant<Dim>(edges) / (Dim == 2 ? 2 : 6);
+    share.push_back({l.cell, l.voxel == innermost ? 1 : voxel / volume});
+  }
+  std::ranges::sort(share);
+  const MaterialId material = broken.map->components[lost[0].image_component].material;
+  for (std::size_t i = 0; i < share.size();) {
+    const CellId cell = share[i].first;
+    double sum = 0;
+    for (; i < share.size() && share[i].first == cell; ++i) sum += share[i].second;
+    if (sum < 0.5) continue;
+    patch.relabel(cell, material);
+    relabelled.push_back(cell);
+  }
+}
+
 }  // namespace
 
 template <int Dim>
@@ -233,20 +265,12 @@ template <int Dim>
 Mended mend_components(Patch<Dim>& patch, const BrokenComponents<Dim>& broken, RepairReport& report) {
   Mended mended;
   for (std::size_t i = 0; i < broken.lost.size();) {
-    const std::uint32_t component = broken.lost[i].image_component;
-    std::int64_t best = -1;
-    int most = -1;
     std::size_t end = i;
-    for (; end < broken.lost.size() && broken.lost[end].image_component == component; ++end)
-      if (const int n = neighbours_within(broken, broken.lost[end].voxel); n > most)
-        best = broken.lost[end].voxel, most = n;
-    for (; i < end; ++i) {
-      if (broken.lost[i].voxel != best) continue;
-      patch.relabel(broken.lost[i].cell, broken.map->components[component].material);
-      mended.relabelled.push_back(broken.lost[i].cell);
-    }
+    while (end < broken.lost.size() && broken.lost[end].image_component == broken.lost[i].image_component) ++end;
+    restore<Dim>(patch, broken, std::span(broken.lost).subspan(i, end - i), mended.relabelled);
     ++report.restored;
     mended.surely_whole = false;
+    i = end;
   }
   Bridger<Dim> bridger(patch, broken);
   for (std::size_t i = 0; i < broken.parts.size();) {

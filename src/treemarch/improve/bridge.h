@@ -52,9 +52,9 @@ struct Mended {
   bool surely_whole = true;  ///< no other material was cut in two, as far as can be seen from nearby
 };
 
-/// Gives each lost component the cells around the centre of its innermost voxel, and joins the parts of the others by
-/// the shortest ways over facets, through cells in the component's own voxels where there is a choice.
-/// \param patch has the stars of the vertices around broken.cells
+/// Gives each lost component the cells around the centre of its innermost voxel and those of which its voxels are half,
+/// and joins the parts of the others by the shortest ways over facets, through cells in the component's own voxels
+/// where there is a choice. \param patch has the stars of the vertices around broken.cells
 template <int Dim>
 Mended mend_components(Patch<Dim>& patch, const BrokenComponents<Dim>& broken, RepairReport& report);
 

@@ -8,6 +8,7 @@
 #include "treemarch/core/parallel.h"
 #include "treemarch/improve/bridge.h"
 #include "treemarch/improve/patch.h"
+#include "treemarch/improve/strays.h"
 #include "treemarch/improve/unpinch.h"
 #include "treemarch/topology/component_fates.h"
 
@@ -67,9 +68,10 @@ class Repairer {
       const BrokenComponents<Dim> broken =
           find_broken(image_, map_, required_, mesh_, components,
                       component_fates(image_, map_, mesh_, components, to_image_, execution_), execution_);
-      if ((pinches.empty() && broken.empty()) || report_.rounds == options_.rounds) return report_;
+      const std::vector<Stray> strays = find_strays(image_, mesh_, components, execution_);
+      if ((pinches.empty() && broken.empty() && strays.empty()) || report_.rounds == options_.rounds) return report_;
       ++report_.rounds;
-      if (!mend(broken, pinches)) return report_;
+      if (!mend(broken, pinches, strays, components)) return report_;
     }
   }
 
@@ -91,7 +93,8 @@ class Repairer {
   }
 
   /// \return whether to look again: what is done to pinches disconnects nothing, a way that joins two parts may.
-  bool mend(const BrokenComponents<Dim>& broken, const std::vector<MeshPinch>& pinches) {
+  bool mend(const BrokenComponents<Dim>& broken, const std::vector<MeshPinch>& pinches,
+            const std::vector<Stray>& strays, const MeshComponents<Dim>& components) {
     const CellBlock& block = mesh_.blocks[0];
     std::vector<std::uint8_t> marked(mesh_.points.size());
     for (const std::uint32_t c : broken.cells)
@@ -102,10 +105,16 @@ class Repairer {
       marked[p.vertex] = 1;
       if (pinched.empty() || pinched.back() != p.vertex) pinched.push_back(p.vertex);
     }
+    for (const Stray& s : strays)
+      for (const CellId c : s.cells)
+        for (int k = 0; k <= Dim; ++k) marked[block.cell(c)[k]] = 1;
     for (std::uint8_t& m : marked) m = m != 0;
     grow<Dim>(block, marked, kRingsOfPinches, execution_);
     Patch<Dim> patch(mesh_, listed(marked), execution_);
-    const Mended mended = mend_components(patch, broken, report_);
+    Mended mended = mend_components(patch, broken, report_);
+    Unpincher<Dim> unpincher(patch, mesh_, image_);
+    const std::vector<CellId> given_away = relabel_strays(strays, components, patch, unpincher);
+    mended.relabelled.insert(mended.relabelled.end(), given_away.begin(), given_away.end());
     for (const CellId c : mended.relabelled) {
       const auto cell = patch.cell(c);
       pinched.insert(pinched.end(), cell.begin(), cell.end());
@@ -113,7 +122,6 @@ class Repairer {
     std::ranges::sort(pinched);
     pinched.erase(std::ranges::unique(pinched).begin(), pinched.end());
     std::erase_if(pinched, [&](VertexId v) { return !patch.has_star(v); });
-    Unpincher<Dim> unpincher(patch, mesh_, image_);
     unpincher.run(std::move(pinched));
     report_.pinches_after = unpincher.left();
     const std::int64_t relabelled = unpincher.relabelled() + std::ssize(mended.relabelled);

@@ -5,6 +5,8 @@
 #include <string>
 
 #include "treemarch/core/error.h"
+#include "treemarch/pipeline/prepare.h"
+#include "treemarch/sizing/component_sizing.h"
 #include "treemarch/sizing/default_sizes.h"
 
 namespace treemarch {
@@ -40,15 +42,23 @@ SizingRule complete_sizes(const LabelImage<Dim>& image, const MeshOptions& optio
     rule.floor_size = found.floor_size;
     rule.material_interface_size = std::move(found.material_interface_size);
   };
-  const double voxel = *std::ranges::min_element(image.frame.spacing);
+  // Two cells with sides of a voxel have no room in a few places of a layer of two voxels (docs/stages/sizing.md).
+  constexpr double kForLayers = 0.9;
+  const bool fine_layers = rule.layers > 0 && options.method == Method::guaranteed;
+  const double least = *std::ranges::min_element(image.frame.spacing) * (fine_layers ? kForLayers : 1);
+  rule.layer_floor = rule.min_size > 0 ? rule.min_size : least;
   if (rule.tolerance > 0) {
-    double floor = rule.min_size > 0 ? rule.min_size : voxel;
+    double floor = rule.min_size > 0 ? rule.min_size : least;
     if (rule.max_size > 0) floor = std::min(floor, rule.max_size);
     take(driven_sizes(image, rule.tolerance, floor, rule.max_size, execution));
   } else if (rule.min_size == 0 && options.method == Method::guaranteed) {
-    if constexpr (Dim < 4) take(default_sizes(image, options.detail, rule.max_size, execution));
+    if constexpr (Dim < 4) {
+      take(default_sizes(image, options.detail, {.least = fine_layers ? least : 0, .largest = rule.max_size},
+                         execution));
+      const MaterialId background = options.keep_background ? kOutside : material_of(image.labels, options.background);
+      add_component_sizes<Dim>(image, {options.min_component, background, rule.floor_size, least}, rule.voxel_size);
+    }
   }
-  if (rule.layers > 0 && rule.floor_size == 0) rule.floor_size = rule.min_size > 0 ? rule.min_size : voxel;
   return rule;
 }
 

@@ -107,7 +107,8 @@ SizingRule driven_sizes(const LabelImage<Dim>& image, double tolerance, double f
 }
 
 template <int Dim>
-SizingRule default_sizes(const LabelImage<Dim>& image, Detail detail, double largest, const Execution& execution) {
+SizingRule default_sizes(const LabelImage<Dim>& image, Detail detail, const SizeLimits& limits,
+                         const Execution& execution) {
   // Simplices that the lattice and its cut make for interfaces of unit area and cells of unit side, measured
   // (docs/stages/sizing.md).
   constexpr double kSimplicesPerArea = Dim == 2 ? 10 : 27;
@@ -115,16 +116,19 @@ SizingRule default_sizes(const LabelImage<Dim>& image, Detail detail, double lar
   const double simplices = kSimplices[static_cast<int>(detail)] * (Dim == 2 ? 0.1 : 1);
   const Shapes<Dim> shapes = shapes_of(image, execution);
   const double voxel = *std::ranges::min_element(image.frame.spacing);
-  double floor = std::max(voxel, std::pow(kSimplicesPerArea * shapes.area / simplices, 1.0 / (Dim - 1)));
-  if (largest > 0) floor = std::min(floor, largest);
+  const double least = limits.least > 0 ? limits.least : voxel;
+  double floor = std::max(least, std::pow(kSimplicesPerArea * shapes.area / simplices, 1.0 / (Dim - 1)));
+  if (limits.least > 0) floor = std::ldexp(least, static_cast<int>(std::lround(std::log2(floor / least))));
+  if (limits.largest > 0) floor = std::min(floor, limits.largest);
   const auto choice = static_cast<std::size_t>(detail);
-  return sizes_for(shapes, kTolerance[choice] * voxel, floor, std::min(voxel, floor), kThinPart[choice], largest);
+  return sizes_for(shapes, kTolerance[choice] * voxel, floor, std::min(least, floor), kThinPart[choice],
+                   limits.largest);
 }
 
 template SizingRule driven_sizes(const LabelImage<2>&, double, double, double, const Execution&);
 template SizingRule driven_sizes(const LabelImage<3>&, double, double, double, const Execution&);
 template SizingRule driven_sizes(const LabelImage<4>&, double, double, double, const Execution&);
-template SizingRule default_sizes(const LabelImage<2>&, Detail, double, const Execution&);
-template SizingRule default_sizes(const LabelImage<3>&, Detail, double, const Execution&);
+template SizingRule default_sizes(const LabelImage<2>&, Detail, const SizeLimits&, const Execution&);
+template SizingRule default_sizes(const LabelImage<3>&, Detail, const SizeLimits&, const Execution&);
 
 }  // namespace treemarch

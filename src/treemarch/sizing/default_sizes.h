@@ -20,10 +20,16 @@ template <int Dim>
 SizingRule driven_sizes(const LabelImage<Dim>& image, double tolerance, double floor, double largest,
                         const Execution& execution);
 
+struct SizeLimits {
+  double least = 0;    ///< halves of the floor end here, and the floor is a power of two times this; 0: see below
+  double largest = 0;  ///< no size is above it; 0: 16 times the floor
+};
+
 /// The same with a tolerance and a floor by detail: the floor is the smallest spacing, or what keeps a mesh with such
-/// cells at all interfaces to the number of simplices. Materials too thin for it get halves of the floor, down to 0.75
-/// of the smallest spacing. \param largest as above; no size is above it.
+/// cells at all interfaces to the number of simplices. Materials too thin for it get halves of the floor, down to the
+/// smallest spacing.
 template <int Dim>
-SizingRule default_sizes(const LabelImage<Dim>& image, Detail detail, double largest, const Execution& execution);
+SizingRule default_sizes(const LabelImage<Dim>& image, Detail detail, const SizeLimits& limits,
+                         const Execution& execution);
 
 }  // namespace treemarch

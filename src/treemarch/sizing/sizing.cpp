@@ -134,7 +134,7 @@ std::vector<std::uint8_t> required_levels(const LabelImage<Dim>& image, const Si
   std::vector<float> layers;
   if (rule.layers > 0)
     layers = layer_sizes(image, rule.layers,
-                         rule.floor_size > 0 ? rule.floor_size : longest_side(lattice, lattice.deepest_level),
+                         rule.layer_floor > 0 ? rule.layer_floor : longest_side(lattice, lattice.deepest_level),
                          longest_side(lattice, 0), execution);
   std::vector<std::uint8_t> levels = voxel_levels(image, by_rule, {rule.voxel_size, layers}, execution);
   Coord<Dim> extent = image.extent;

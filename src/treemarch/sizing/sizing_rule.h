@@ -27,8 +27,9 @@ struct SizingRule {
 
   double tolerance = 0;   ///< cells are split while they misplace interfaces by more (error_sizing.h); 0: not looked at
   int layers = 0;         ///< cells across every layer of a material, at least (layer_sizing.h); 0: not looked at
-  double floor_size = 0;  ///< no cell is smaller for tolerance or layers alone; 0: the smallest of the other sizes
-  double grading = 1;     ///< sizes grow by at most this much a unit of length, above 0 to 1; 1: as the balance allows
+  double floor_size = 0;  ///< no cell is smaller for the tolerance alone; 0: the smallest of the other sizes
+  double layer_floor = 0;  ///< no cell is smaller for layers alone; 0: the smallest of the other sizes
+  double grading = 1;      ///< sizes grow by at most this much a unit of length, above 0 to 1; 1: as the balance allows
 };
 
 /// A side up to this factor above a size counts as that size: affines are often stored in single precision, which makes
@@ -48,7 +49,8 @@ inline constexpr int kDefaultCoarsening = 8;
   std::ranges::for_each(rule.material_interface_size, lower);
   for (const auto& i : rule.interface_size) lower(i.size);
   std::ranges::for_each(rule.voxel_size, lower);
-  if (rule.tolerance > 0 || rule.layers > 0) lower(rule.floor_size);
+  if (rule.tolerance > 0) lower(rule.floor_size);
+  if (rule.layers > 0) lower(rule.layer_floor);
   return smallest;
 }
 

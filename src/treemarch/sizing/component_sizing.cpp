@@ -1,0 +1,107 @@
+#include "treemarch/sizing/component_sizing.h"
+
+#include <array>
+#include <cmath>
+
+#include "treemarch/sizing/sizing_rule.h"
+#include "treemarch/topology/image_components.h"
+
+namespace treemarch {
+namespace {
+
+/// Gathers the voxels of components, one after the other.
+template <int Dim>
+class Flood {
+ public:
+  explicit Flood(const LabelImage<Dim>& image) : image_(image), seen_(static_cast<std::size_t>(image.voxels.size())) {
+    std::int64_t n = 1;
+    double volume = 1;
+    for (int d = 0; d < Dim; n *= image.extent[d++]) {
+      stride_[d] = n;
+      volume *= image.frame.spacing[d];
+    }
+    for (int d = 0; d < Dim; ++d) face_[d] = volume / image.frame.spacing[d];
+  }
+
+  /// The voxels of the component of one of them, until the next call; and the area of its faces to other materials.
+  const std::vector<std::int64_t>& gather(std::int64_t first) {
+    voxels_.assign(1, first);
+    seen_[static_cast<std::size_t>(first)] = 1;
+    area_ = 0;
+    for (std::size_t next = 0; next < voxels_.size(); ++next) {
+      const std::int64_t v = voxels_[next];
+      const Coord<Dim> c = coord_of(v, image_.extent);
+      for (int d = 0; d < Dim; ++d) {
+        if (c[d] > 0) look(v, v - stride_[d], d);
+        if (c[d] + 1 < image_.extent[d]) look(v, v + stride_[d], d);
+      }
+    }
+    return voxels_;
+  }
+  [[nodiscard]] double area() const { return area_; }
+
+ private:
+  void look(std::int64_t from, std::int64_t to, int axis) {
+    if (image_.voxels[to] != image_.voxels[from])
+      area_ += face_[axis];
+    else if (auto& seen = seen_[static_cast<std::size_t>(to)]; seen == 0)
+      seen = 1, voxels_.push_back(to);
+  }
+
+  const LabelImage<Dim>& image_;
+  std::vector<std::uint8_t> seen_;
+  std::array<std::int64_t, Dim> stride_{};
+  std::array<double, Dim> face_{};  // area of a face across each axis
+  std::vector<std::int64_t> voxels_;
+  double area_ = 0;
+};
+
+std::vector<std::int64_t> largest_of_each(const std::vector<ImageComponent>& components, std::size_t materials) {
+  std::vector<std::int64_t> largest(materials, 0);
+  for (const ImageComponent& c : components) largest[c.material] = std::max(largest[c.material], c.voxels);
+  return largest;
+}
+
+}  // namespace
+
+template <int Dim>
+std::int64_t add_component_sizes(const LabelImage<Dim>& image, const ComponentSizing& sizing,
+                                 std::vector<float>& sizes) {
+  // Longer wires and wider sheets than this many cells have not so many voxels that their label's share would be
+  // unknown to sizes by material.
+  constexpr double kMostCells = 64;
+  double voxel = 1;
+  for (const double s : image.frame.spacing) voxel *= s;
+  const double most_voxels = kMostCells * std::pow(sizing.floor, Dim) / voxel;
+  const std::vector<ImageComponent> components = image_components(image);
+  const std::vector<std::int64_t> largest = largest_of_each(components, image.labels.size());
+  std::vector<const ImageComponent*> small;
+  for (const ImageComponent& c : components)
+    if (c.material != sizing.left_out && (c.voxels >= sizing.min_component || c.voxels == largest[c.material]) &&
+        static_cast<double>(c.voxels) <= most_voxels)
+      small.push_back(&c);
+  if (small.empty()) return 0;
+  Flood<Dim> flood(image);
+  std::int64_t count = 0;
+  for (const ImageComponent* c : small) {
+    const std::vector<std::int64_t>& voxels = flood.gather(c->first_voxel);
+    if (flood.area() == 0) continue;  // it fills the image
+    const double volume = static_cast<double>(c->voxels) * voxel;
+    const double wanted = std::min(std::pow(volume, 1.0 / Dim), Dim * 2 * volume / flood.area());
+    double size = sizing.floor;
+    while (size > wanted * kSizeTolerance && size / 2 * kSizeTolerance >= sizing.least) size /= 2;
+    if (size == sizing.floor) continue;
+    ++count;
+    sizes.resize(static_cast<std::size_t>(image.voxels.size()), 0);
+    for (const std::int64_t v : voxels) {
+      float& own = sizes[static_cast<std::size_t>(v)];
+      own = own > 0 ? std::min(own, static_cast<float>(size)) : static_cast<float>(size);
+    }
+  }
+  return count;
+}
+
+template std::int64_t add_component_sizes(const LabelImage<2>&, const ComponentSizing&, std::vector<float>&);
+template std::int64_t add_component_sizes(const LabelImage<3>&, const ComponentSizing&, std::vector<float>&);
+
+}  // namespace treemarch

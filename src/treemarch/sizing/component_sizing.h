@@ -1,0 +1,28 @@
+/// \file
+/// Sizes that keep small components: islands, grains and wires that larger cells would lose.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "treemarch/core/execution.h"
+#include "treemarch/image/label_image.h"
+
+namespace treemarch {
+
+struct ComponentSizing {
+  std::int64_t min_component = 8;  ///< voxels; smaller ones count only as the largest of their label
+  MaterialId left_out = kOutside;  ///< a material whose components do not matter
+  double floor = 0;                ///< size that cells at interfaces have anyway, > 0
+  double least = 0;                ///< no size below this is asked for, > 0
+};
+
+/// Lowers `sizes` (SizingRule::voxel_size, filled with 0 if it is empty and something is asked for) in the components
+/// (voxels of a material joined over faces) that cells of `floor` are too large for: those whose volume is less than
+/// that of a cube of a cell's side, or whose thickness, twice their volume over their area, is less than a third of it
+/// as that of a cube is. Sizes are halves of the floor. \return number of components that get smaller cells
+template <int Dim>
+std::int64_t add_component_sizes(const LabelImage<Dim>& image, const ComponentSizing& sizing,
+                                 std::vector<float>& sizes);
+
+}  // namespace treemarch
