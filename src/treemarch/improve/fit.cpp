@@ -94,6 +94,7 @@ class Fitter {
     find_facets();
     if (facets_.empty()) return report_;
     Patch<Dim> patch(mesh_, std::move(chosen_), execution_);
+    patch.guard(options_.anchors);
     link(patch);
     report_.facets = static_cast<std::int64_t>(facets_.size());
     for (int round = 0; round < kRounds; ++round) {

@@ -4,17 +4,20 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 #include "treemarch/core/execution.h"
 #include "treemarch/core/vec.h"
 #include "treemarch/field/field.h"
+#include "treemarch/improve/anchors.h"
 #include "treemarch/mesh/mesh.h"
 
 namespace treemarch {
 
 struct FitOptions {
   double quality = 20;  ///< in degrees (mesh/simplex_quality.h): cells around a vertex that moves have it; 0: no moves
-  MaterialId outside = kOutside;  ///< the material that was left out of the mesh, if any
+  MaterialId outside = kOutside;    ///< the material that was left out of the mesh, if any
+  std::span<const Anchor> anchors;  ///< that moves shall keep, by the first coordinate
 };
 
 struct FitReport {

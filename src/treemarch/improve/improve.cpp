@@ -181,6 +181,7 @@ std::vector<VertexId> Improver<Dim>::move_vertices(const std::vector<VertexId>& 
   std::vector<VertexId> chosen = corners(left_), all;
   std::ranges::set_union(chosen, off, std::back_inserter(all));
   Patch<Dim> patch(mesh_, std::move(all), execution_);
+  patch.guard(options_.anchors);
   std::vector<Vec<Dim>> start(patch.chosen().size());
   for (std::size_t s = 0; s < start.size(); ++s) start[s] = patch.point(patch.chosen()[s]);
   lift(patch, start);
@@ -226,6 +227,7 @@ void Improver<Dim>::remesh(std::vector<VertexId> around) {
   const auto stop = [&] { return late(); };
   for (int width = 0; width < kWidths && !left_.empty(); ++width) {
     Patch<Dim> patch(mesh_, std::move(around), execution_);
+    patch.guard(options_.anchors);
     std::vector<Vec<Dim>> start;
     for (const VertexId v : patch.chosen()) start.push_back(start_of(v));
     Remesher<Dim> remesher(patch, std::move(start), field_, box_, limits_, report_);

@@ -4,11 +4,13 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string_view>
 
 #include "treemarch/core/execution.h"
 #include "treemarch/core/vec.h"
 #include "treemarch/field/field.h"
+#include "treemarch/improve/anchors.h"
 #include "treemarch/mesh/mesh.h"
 
 namespace treemarch {
@@ -20,7 +22,8 @@ struct ImproveOptions {
   int passes = 20;              ///< of operations that change the connectivity, at most
   std::int64_t first_cell = 0;  ///< cells before it meet the target and touch no interface but at vertices of others
   bool keep_numbers = false;    ///< vertices that no cell needs any more stay in `points`
-  bool pull = true;             ///< bring vertices that lie off their interface back to it where quality allows
+  std::span<const Anchor> anchors;  ///< that moves shall keep, by the first coordinate
+  bool pull = true;                 ///< bring vertices that lie off their interface back to it where quality allows
 };
 
 enum class ImproveStop { off, target_met, no_progress, pass_limit, time_limit };

@@ -4,6 +4,7 @@
 #include <atomic>
 
 #include "treemarch/core/parallel.h"
+#include "treemarch/topology/simplices.h"
 
 namespace treemarch {
 namespace {
@@ -205,6 +206,40 @@ std::vector<CellId> Patch<Dim>::written() const {
   std::ranges::sort(cells);
   cells.erase(std::unique(cells.begin(), cells.end()), cells.end());
   return cells;
+}
+
+template <int Dim>
+bool Patch<Dim>::keeps_anchors(VertexId v, const Vec<Dim>& x) const {
+  if (anchors_.empty()) return true;
+  Vec<Dim> low = point(v), high = low;
+  for (const CellId c : star(v))
+    for (const VertexId w : cell(c))
+      for (int d = 0; d < Dim; ++d) {
+        low[d] = std::min(low[d], point(w)[d]);
+        high[d] = std::max(high[d], point(w)[d]);
+      }
+  const auto contained = [&](const Vec<Dim>& anchor, MaterialId m, const Vec<Dim>& at) {
+    constexpr double kTolerance = 1e-9;
+    return std::ranges::any_of(star(v), [&](CellId c) {
+      if (material(c) != m) return false;
+      const SimplexVertices<Dim> corners = cell(c);
+      Simplex<Dim> simplex;
+      for (int k = 0; k <= Dim; ++k) simplex[k] = corners[k] == v ? at : point(corners[k]);
+      const Barycentric<Dim> barycentric(simplex);
+      return barycentric.is_valid() && barycentric.contains(anchor, kTolerance);
+    });
+  };
+  auto a = std::ranges::lower_bound(anchors_, low[0], {}, [](const Anchor& anchor) { return anchor.point[0]; });
+  for (; a != anchors_.end() && a->point[0] <= high[0]; ++a) {
+    Vec<Dim> p;
+    bool near = true;
+    for (int d = 0; d < Dim; ++d) {
+      p[d] = a->point[d];
+      near = near && low[d] <= p[d] && p[d] <= high[d];
+    }
+    if (near && contained(p, a->material, point(v)) && !contained(p, a->material, x)) return false;
+  }
+  return true;
 }
 
 template <int Dim>

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "treemarch/core/execution.h"
+#include "treemarch/improve/anchors.h"
 #include "treemarch/mesh/mesh.h"
 #include "treemarch/mesh/simplex_quality.h"
 
@@ -72,6 +73,12 @@ class Patch {
   /// Cells that contain all the given vertices. \pre has_star(vertices[0])
   [[nodiscard]] std::vector<CellId> cells_around(std::span<const VertexId> vertices) const;
 
+  /// Moves shall keep these. \param anchors by the first coordinate, ascending; outlive the object
+  void guard(std::span<const Anchor> anchors) { anchors_ = anchors; }
+  /// Whether the anchors that lie in cells of their material around a vertex would still do so with the vertex at x.
+  /// \pre has_star(v)
+  [[nodiscard]] bool keeps_anchors(VertexId v, const Vec<Dim>& x) const;
+
   /// Moves a vertex; it is safe to move vertices without a common cell at the same time, outside of transactions.
   void move(VertexId v, const Vec<Dim>& x) {
     if (recording_) moved_.push_back({v, mesh_.points[v]});
@@ -114,6 +121,7 @@ class Patch {
   Mesh<Dim>& mesh_;
   CellBlock& block_;
   std::vector<VertexId> chosen_;
+  std::span<const Anchor> anchors_;
   std::vector<std::uint8_t> fixed_;  // of every vertex; empty where all cells are simplices
   std::vector<std::uint32_t> slot_;  // of every vertex of the mesh: 1 + place in chosen_
   std::vector<Star> stars_;

@@ -73,6 +73,7 @@ bool Remesher<Dim>::move(VertexId v, bool loose, double goal) {
   limits.goal = goal;
   Vec<Dim> x;
   if (!find_better_place(patch_, v, field_, box_, limits, loose, start_[patch_.slot(v)], x)) return false;
+  if (!patch_.keeps_anchors(v, x)) return false;
   patch_.move(v, x);
   ++report_.moves;
   return true;

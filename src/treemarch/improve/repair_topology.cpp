@@ -68,10 +68,12 @@ class Repairer {
       const BrokenComponents<Dim> broken =
           find_broken(image_, map_, required_, mesh_, components,
                       component_fates(image_, map_, mesh_, components, to_image_, execution_), execution_);
-      const std::vector<Stray> strays = find_strays(image_, mesh_, components, execution_);
-      if ((pinches.empty() && broken.empty() && strays.empty()) || report_.rounds == options_.rounds) return report_;
+      SmallPieces small = find_small_pieces<Dim>(image_, map_, required_, mesh_, components, execution_);
+      report_.anchors = std::move(small.anchors);
+      if ((pinches.empty() && broken.empty() && small.strays.empty()) || report_.rounds == options_.rounds)
+        return report_;
       ++report_.rounds;
-      if (!mend(broken, pinches, strays, components)) return report_;
+      if (!mend(broken, pinches, small.strays, components)) return report_;
     }
   }
 

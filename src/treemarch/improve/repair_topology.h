@@ -3,9 +3,11 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "treemarch/core/execution.h"
 #include "treemarch/image/label_image.h"
+#include "treemarch/improve/anchors.h"
 #include "treemarch/mesh/mesh.h"
 
 namespace treemarch {
@@ -22,6 +24,9 @@ struct RepairReport {
   std::int64_t restored = 0;                           ///< components that had no cell
   std::int64_t bridged = 0;                            ///< parts of components that were joined to the rest
   std::int64_t relabelled_cells = 0;
+  /// Of the components that must survive and have no vertex inside: later moves shall keep them. By the first
+  /// coordinate, ascending.
+  std::vector<Anchor> anchors;
 };
 
 /// Relabels cells so that every label has a cell, every component of the image of at least options.min_component voxels

@@ -1,6 +1,7 @@
 #include "treemarch/improve/strays.h"
 
 #include <algorithm>
+#include <array>
 #include <span>
 #include <tuple>
 #include <utility>
@@ -14,19 +15,56 @@ namespace {
 
 constexpr std::int64_t kCellsPerTask = 1 << 14;
 
+/// The smallest barycentric coordinate of a point: how deep it lies in a simplex.
 template <int Dim>
-bool holds_a_voxel(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, std::span<const CellId> cells) {
+double depth_in(const Simplex<Dim>& simplex, const Vec<Dim>& x) {
+  const auto volume = [](const Simplex<Dim>& s) {
+    std::array<Vec<Dim>, Dim> edges;
+    for (int i = 0; i < Dim; ++i) edges[i] = s[i + 1] - s[0];
+    return determinant<Dim>(edges);
+  };
+  double depth = 1;
+  for (int i = 0; i <= Dim; ++i) {
+    Simplex<Dim> s = simplex;
+    s[i] = x;
+    depth = std::min(depth, volume(s) / volume(simplex));
+  }
+  return depth;
+}
+
+template <int Dim>
+Vec<Dim> centre_of(const LabelImage<Dim>& image, std::int64_t voxel) {
+  const Coord<Dim> c = coord_of(voxel, image.extent);
+  Vec<Dim> x;
+  for (int d = 0; d < Dim; ++d) x[d] = (c[d] + 0.5) * image.frame.spacing[d];
+  return x;
+}
+
+/// A voxel in a cell of its material.
+struct Hit {
+  std::uint32_t component;  // of the image
+  double depth;
+  std::int64_t voxel;
+};
+
+/// The voxels in some cells of one component, the deepest of each component of the image first.
+template <int Dim>
+std::vector<Hit> hits_in(const LabelImage<Dim>& image, const ComponentMap& map, const Mesh<Dim>& mesh,
+                         std::span<const CellId> cells) {
   const CellBlock& block = mesh.blocks[0];
   const MaterialId material = block.materials[cells[0]];
   const VoxelCentres<Dim> centres(image);
-  bool any = false;
+  std::vector<Hit> hits;
   for (const CellId c : cells)
     for_each_simplex(mesh, block, c, [&](const Simplex<Dim>& simplex) {
       centres.visit(
-          simplex, [&](std::int64_t v) { return !any && image.voxels[v] == material; },
-          [&](std::int64_t) { any = true; });
+          simplex, [&](std::int64_t v) { return image.voxels[v] == material; },
+          [&](std::int64_t v) {
+            hits.push_back({map.of_voxel[static_cast<std::size_t>(v)], depth_in<Dim>(simplex, centre_of(image, v)), v});
+          });
     });
-  return any;
+  std::ranges::sort(hits, {}, [](const Hit& h) { return std::tuple(h.component, -h.depth, h.voxel); });
+  return hits;
 }
 
 /// A material beside some cells.
@@ -58,8 +96,9 @@ std::vector<Beside> materials_beside(std::span<const CellId> cells, const MeshCo
 }  // namespace
 
 template <int Dim>
-std::vector<Stray> find_strays(const LabelImage<Dim>& image, const Mesh<Dim>& mesh,
-                               const MeshComponents<Dim>& components, const Execution& execution) {
+SmallPieces find_small_pieces(const LabelImage<Dim>& image, const ComponentMap& map,
+                              std::span<const std::uint8_t> required, const Mesh<Dim>& mesh,
+                              const MeshComponents<Dim>& components, const Execution& execution) {
   using Found = std::vector<std::pair<std::uint32_t, CellId>>;  // component and cell
   const CellBlock& block = mesh.blocks[0];
   const auto tasks = static_cast<std::size_t>(block_count(block.size(), kCellsPerTask));
@@ -78,14 +117,23 @@ std::vector<Stray> find_strays(const LabelImage<Dim>& image, const Mesh<Dim>& me
   Found all;
   for (const Found& f : found) all.insert(all.end(), f.begin(), f.end());
   std::ranges::sort(all);
-  std::vector<Stray> strays;
+  SmallPieces pieces;
   for (std::size_t i = 0; i < all.size();) {
-    Stray stray;
+    Stray piece;
     const std::uint32_t component = all[i].first;
-    for (; i < all.size() && all[i].first == component; ++i) stray.cells.push_back(all[i].second);
-    if (!holds_a_voxel<Dim>(image, mesh, stray.cells)) strays.push_back(std::move(stray));
+    for (; i < all.size() && all[i].first == component; ++i) piece.cells.push_back(all[i].second);
+    const std::vector<Hit> hits = hits_in<Dim>(image, map, mesh, piece.cells);
+    for (std::size_t h = 0; h < hits.size(); ++h) {
+      if (required[hits[h].component] == 0 || (h > 0 && hits[h].component == hits[h - 1].component)) continue;
+      Anchor anchor{.material = block.materials[piece.cells[0]]};
+      const Vec<Dim> centre = centre_of(image, hits[h].voxel);
+      std::ranges::copy(centre, anchor.point.begin());
+      pieces.anchors.push_back(anchor);
+    }
+    if (hits.empty()) pieces.strays.push_back(std::move(piece));
   }
-  return strays;
+  std::ranges::sort(pieces.anchors, {}, &Anchor::point);
+  return pieces;
 }
 
 template <int Dim>
@@ -121,10 +169,10 @@ std::vector<CellId> relabel_strays(const std::vector<Stray>& strays, const MeshC
   return changed;
 }
 
-#define TREEMARCH_INSTANTIATE(DIM)                                                                                \
-  template std::vector<Stray> find_strays(const LabelImage<DIM>&, const Mesh<DIM>&, const MeshComponents<DIM>&,   \
-                                          const Execution&);                                                      \
-  template std::vector<CellId> relabel_strays(const std::vector<Stray>&, const MeshComponents<DIM>&, Patch<DIM>&, \
+#define TREEMARCH_INSTANTIATE(DIM)                                                                                   \
+  template SmallPieces find_small_pieces(const LabelImage<DIM>&, const ComponentMap&, std::span<const std::uint8_t>, \
+                                         const Mesh<DIM>&, const MeshComponents<DIM>&, const Execution&);            \
+  template std::vector<CellId> relabel_strays(const std::vector<Stray>&, const MeshComponents<DIM>&, Patch<DIM>&,    \
                                               Unpincher<DIM>&);
 TREEMARCH_INSTANTIATE(2)
 TREEMARCH_INSTANTIATE(3)

@@ -3,12 +3,15 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "treemarch/core/execution.h"
 #include "treemarch/image/label_image.h"
+#include "treemarch/improve/anchors.h"
 #include "treemarch/improve/patch.h"
 #include "treemarch/improve/unpinch.h"
+#include "treemarch/topology/image_components.h"
 #include "treemarch/topology/mesh_components.h"
 
 namespace treemarch {
@@ -18,11 +21,22 @@ struct Stray {
   std::vector<CellId> cells;  ///< ascending
 };
 
-/// All of them, by their first cells. Moved a little they would hold a voxel's centre, and be parts of a component that
-/// is elsewhere. \pre as for repair_topology(); the components are those of the mesh
+/// The components of a mesh without a vertex inside.
+struct SmallPieces {
+  /// Those without a voxel, by their first cells. Moved a little they would hold one, and be parts of a component that
+  /// is elsewhere.
+  std::vector<Stray> strays;
+  /// For each component of the image in the others the centre of the voxel that is deepest in a cell. Moved a little
+  /// they could lose all of them. Ascending by the first coordinate.
+  std::vector<Anchor> anchors;
+};
+
+/// \param required one a component of the image: whether it gets an anchor
+/// \pre as for repair_topology(); the components are those of the mesh and of the image
 template <int Dim>
-std::vector<Stray> find_strays(const LabelImage<Dim>& image, const Mesh<Dim>& mesh,
-                               const MeshComponents<Dim>& components, const Execution& execution);
+SmallPieces find_small_pieces(const LabelImage<Dim>& image, const ComponentMap& map,
+                              std::span<const std::uint8_t> required, const Mesh<Dim>& mesh,
+                              const MeshComponents<Dim>& components, const Execution& execution);
 
 /// Gives each of them to the material beside it with the most facets, first to those that it does not join to other
 /// components, unless that makes more vertices where boundaries are no manifolds.

@@ -21,7 +21,8 @@ inline std::uint64_t scramble(std::uint64_t x) {
 /// Moves each candidate once, neighbours never at the same time: a vertex moves when its hash is the smallest among
 /// the candidates around it that have not had their turn. The same result for any number of threads.
 /// \param find_place bool(VertexId v, Vec<Dim>& x): whether v shall move, and where to; called from many threads, and
-/// may read what lies in the cells around v only. \return number of vertices that moved. \pre all candidates have stars
+/// may read what lies in the cells around v only. Moves that the guard of the patch refuses are left out. \return
+/// number of vertices that moved. \pre all candidates have stars
 template <int Dim, class FindPlace>
 std::int64_t sweep(Patch<Dim>& patch, const std::vector<VertexId>& candidates, const Execution& execution,
                    FindPlace&& find_place) {
@@ -47,7 +48,7 @@ std::int64_t sweep(Patch<Dim>& patch, const std::vector<VertexId>& candidates, c
       const VertexId v = waiting[i];
       if (state[i] == 0) return;
       Vec<Dim> x;
-      if (!find_place(v, x)) return;
+      if (!find_place(v, x) || !patch.keeps_anchors(v, x)) return;
       patch.move(v, x);
       state[i] = 2;
     });

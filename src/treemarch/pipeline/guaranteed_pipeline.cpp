@@ -133,13 +133,15 @@ Mesh<Dim> shape_mesh(const Shaping<Dim>& how, SimplexLattice<Dim>& lattice, bool
   stage.emplace(execution, "improve");
   ImproveOptions improvement;
   improvement.quality = how.options.quality;
+  improvement.anchors = report.repair.anchors;
   if (how.cubic && improvement.quality <= kFarQuality) improvement.first_cell = far_cells;
   improvement.keep_numbers = hybrid;
   report.improve = improve(mesh, field, how.image.size(), improvement, execution);
 
   if (how.coarse) {
     stage.emplace(execution, "fit");
-    report.fit = fit_interfaces(mesh, field, how.image.size(), {how.options.quality, how.left_out}, execution);
+    report.fit = fit_interfaces(mesh, field, how.image.size(),
+                                {how.options.quality, how.left_out, report.repair.anchors}, execution);
   }
 
   if (hybrid) {
