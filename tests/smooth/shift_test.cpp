@@ -7,8 +7,10 @@
 
 #include "support/images.h"
 #include "support/meshes.h"
+#include "support/surface_error.h"
 #include "support/voxel_mesh.h"
 #include "treemarch/mesh/cell_topology.h"
+#include "treemarch/mesh/interfaces.h"
 #include "treemarch/mesh/validate.h"
 
 namespace treemarch {
@@ -42,7 +44,9 @@ void expect_sound(const LabelImage<Dim>& image, const ShiftOptions& options) {
     for (int d = 0; d < Dim; ++d) {
       const double x = before.points[v][d], side = image.frame.spacing[d];
       ASSERT_LE(std::abs(after.points[v][d] - x), options.most * side * (1 + 1e-9));
-      if (x == 0 || x == image.size()[d]) ASSERT_EQ(after.points[v][d], x);
+      if (x == 0 || x == image.size()[d]) {
+        ASSERT_EQ(after.points[v][d], x);
+      }
     }
   }
   EXPECT_EQ(moved, report.shifted);
@@ -74,32 +78,40 @@ TEST(Shift, NothingMovesWithoutInterfacesOrWithoutLeave) {
   EXPECT_EQ(shifted(noise, {.most = 0}, report).points, testing::voxel_mesh(noise).points);
 }
 
-/// RMS distance of the interface's vertices from a ball, in voxels.
-double roughness(double most) {
-  const auto image = testing::ball_image<3>({32, 32, 32}, 0.36);
+/// RMS distance of the facets of a meshed ball from the ball, over their area, in voxels.
+double surface_error(double radius, double most) {
+  constexpr std::int32_t kSide = 36;
+  const Vec<3> centre{kSide / 2 + 0.17, kSide / 2 + 0.31, kSide / 2 - 0.43};
+  const auto image = testing::voxelised(kSide, [&](const Vec<3>& x) { return norm(x - centre) - radius; });
   ShiftReport report;
   const Mesh<3> mesh = shifted(image, {.most = most}, report);
-  const Mesh<3> plain = testing::voxel_mesh(image);
-  const CellBlock& cells = mesh.blocks[0];
-  std::vector<std::uint8_t> inside(mesh.points.size(), 0), outside = inside;
-  for (std::int64_t c = 0; c < cells.size(); ++c)
-    for (int k = 0; k < 8; ++k) (image.labels[cells.materials[c]] ? inside : outside)[cells.cell(c)[k]] = 1;
-  double squares = 0;
-  std::int64_t count = 0;
-  for (std::size_t v = 0; v < inside.size(); ++v) {
-    if (!inside[v] || !outside[v]) continue;
-    const double r = norm(mesh.points[v] - Vec<3>{16, 16, 16}) - 0.36 * 32;
-    squares += r * r;
-    ++count;
-  }
-  return std::sqrt(squares / static_cast<double>(count));
+  double squares = 0, total = 0;
+  for (const FacetBlock& block : extract_interfaces(mesh, Hull::leave_out, Execution(2)))
+    for (std::int64_t i = 0; i < block.size(); ++i) {
+      const VertexId* v = block.vertices.data() + i * 4;
+      for (const double a : {0.211, 0.789})  // Gauss
+        for (const double b : {0.211, 0.789}) {
+          const auto between = [&](double t, int j, int k) {
+            return (1 - t) * mesh.points[v[j]] + t * mesh.points[v[k]];
+          };
+          const Vec<3> low = between(a, 0, 1), high = between(a, 3, 2);
+          const Vec<3> across = between(b, 1, 2) - between(b, 0, 3);
+          const double area = norm(cross(high - low, across)), off = norm((1 - b) * low + b * high - centre) - radius;
+          squares += area * off * off;
+          total += area;
+        }
+    }
+  return std::sqrt(squares / total);
 }
 
 TEST(Shift, BallsGetRounder) {
-  const double before = roughness(0);
-  EXPECT_LT(roughness(0.15), 0.8 * before);
-  EXPECT_LT(roughness(0.3), 0.5 * before);
-  EXPECT_LT(roughness(0.49), roughness(0.3));
+  for (const double radius : {5.0, 8.3, 14.0}) {
+    SCOPED_TRACE(radius);
+    const double before = surface_error(radius, 0);
+    EXPECT_LT(surface_error(radius, 0.15), 0.75 * before);
+    EXPECT_LT(surface_error(radius, 0.3), 0.5 * before);
+    EXPECT_LT(surface_error(radius, 0.49), surface_error(radius, 0.3));
+  }
 }
 
 }  // namespace

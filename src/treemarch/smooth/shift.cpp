@@ -19,6 +19,7 @@ constexpr std::int64_t kGrain = 4096;
 constexpr int kMostMaterials = 8;  // that a junction can have
 constexpr int kSteps = 6;          // of the search for the interface
 constexpr std::array<double, 8> kFactors{1, 0.85, 0.7, 0.55, 0.4, 0.25, 0.1, 0};
+constexpr int kAdvances = 20;
 
 struct CellRef {
   std::uint32_t cell;
@@ -36,7 +37,8 @@ class Shifter {
     find_interface();
     find_cells();
     move_all();
-    retreat();
+    retreat(std::vector<std::uint8_t>(vertex_.size(), kFactors.size() - 1));
+    advance();
     ShiftReport report;
     report.vertices = static_cast<std::int64_t>(vertex_.size());
     for (std::size_t s = 0; s < vertex_.size(); ++s) {
@@ -50,9 +52,17 @@ class Shifter {
   void find_interface();
   void find_cells();
   void move_all();
+  struct Around {
+    std::array<MaterialId, kMostMaterials> materials;
+    std::size_t count = 0;
+    Vec<Dim> side;
+  };
+  bool look_around(std::size_t slot, Around& around) const;
   [[nodiscard]] Vec<Dim> target_of(std::size_t slot) const;
-  void retreat();
-  [[nodiscard]] bool is_spoilt(const CellRef& ref) const;
+  void set_level(std::size_t slot, std::uint8_t level);
+  void retreat(const std::vector<std::uint8_t>& last);
+  void advance();
+  [[nodiscard]] bool is_spoilt(const CellRef& ref, VertexId moved = 0, const Vec<Dim>* there = nullptr) const;
   [[nodiscard]] std::array<Vec<Dim>, 8> corners(const CellRef& ref, bool at_home) const;
 
   [[nodiscard]] std::span<const CellRef> cells_of(std::size_t slot) const {
@@ -141,37 +151,56 @@ std::array<Vec<Dim>, 8> Shifter<Dim>::corners(const CellRef& ref, bool at_home) 
   return p;
 }
 
-/// The nearest place where the materials around the vertex weigh the same, cut off at the largest move that is allowed:
-/// a part of the smallest cell, measured in its sides.
+/// Materials, ascending, and smallest sides of the cells around a vertex. \return false if the materials are too many
 template <int Dim>
-Vec<Dim> Shifter<Dim>::target_of(std::size_t slot) const {
-  std::array<MaterialId, kMostMaterials> materials;
-  std::size_t count = 0;
-  Vec<Dim> side;
-  side.fill(std::numeric_limits<double>::infinity());
+bool Shifter<Dim>::look_around(std::size_t slot, Around& around) const {
+  around.side.fill(std::numeric_limits<double>::infinity());
   for (const CellRef& ref : cells_of(slot)) {
     const CellBlock& block = mesh_.blocks[ref.block];
     const MaterialId m = block.materials[ref.cell];
-    if (std::find(materials.begin(), materials.begin() + count, m) == materials.begin() + count) {
-      if (count == materials.size()) return home_[slot];
-      materials[count++] = m;
+    std::size_t at = 0;
+    while (at < around.count && around.materials[at] < m) ++at;
+    if (at == around.count || around.materials[at] != m) {
+      if (around.count == around.materials.size()) return false;
+      for (std::size_t k = around.count++; k > at; --k) around.materials[k] = around.materials[k - 1];
+      around.materials[at] = m;
     }
     const auto p = corners(ref, true);
     for (int d = 0; d < Dim; ++d) {
       double low = p[0][d], high = p[0][d];
       for (int k = 1; k < vertex_count(block.type); ++k) low = std::min(low, p[k][d]), high = std::max(high, p[k][d]);
-      side[d] = std::min(side[d], high - low);
+      around.side[d] = std::min(around.side[d], high - low);
     }
   }
-  std::sort(materials.begin(), materials.begin() + count);
+  return true;
+}
+
+/// The nearest place where the materials around the vertex weigh the same, as far as the limits allow, which are along
+/// each axis: where one is met, that axis is left alone from there on.
+template <int Dim>
+Vec<Dim> Shifter<Dim>::target_of(std::size_t slot) const {
   const Vec<Dim>& home = home_[slot];
+  Around around;
+  if (!look_around(slot, around)) return home;
   unsigned fixed = 0;
   for (int d = 0; d < Dim; ++d) fixed |= (home[d] == low_[d] || home[d] == high_[d] ? 1U : 0U) << d;
-  const Vec<Dim> on_surface = move_to_junction(field_, home, std::span(materials).first(count), fixed, kSteps);
-  Vec<Dim> move = on_surface - home;
-  double part = 0;
-  for (int d = 0; d < Dim; ++d) part = std::max(part, std::abs(move[d]) / side[d]);
-  return part > options_.most ? home + (options_.most / part) * move : on_surface;
+  Vec<Dim> at = home;
+  while (fixed != (1U << Dim) - 1) {
+    const Vec<Dim> wish = move_to_junction(field_, at, std::span(around.materials).first(around.count), fixed, kSteps);
+    double part = 1;
+    int axis = -1;
+    for (int d = 0; d < Dim; ++d) {
+      const double most = options_.most * around.side[d];
+      if ((fixed >> d & 1) != 0 || std::abs(wish[d] - home[d]) <= most) continue;
+      const double limit = home[d] + std::copysign(most, wish[d] - home[d]);
+      if (const double p = (limit - at[d]) / (wish[d] - at[d]); axis < 0 || p < part) part = p, axis = d;
+    }
+    if (axis < 0) return wish;
+    at = at + part * (wish - at);
+    at[axis] = home[axis] + std::copysign(options_.most * around.side[axis], wish[axis] - home[axis]);
+    fixed |= 1U << axis;
+  }
+  return at;
 }
 
 template <int Dim>
@@ -180,36 +209,46 @@ void Shifter<Dim>::move_all() {
   level_.assign(vertex_.size(), 0);
   parallel_for(execution_, static_cast<std::int64_t>(vertex_.size()), 256,
                [&](std::int64_t s) { whole_move_[s] = target_of(s) - home_[s]; });
-  parallel_for(execution_, static_cast<std::int64_t>(vertex_.size()), kGrain,
-               [&](std::int64_t s) { mesh_.points[vertex_[s]] = home_[s] + whole_move_[s]; });
+  for (std::size_t s = 0; s < vertex_.size(); ++s) set_level(s, 0);
+}
+
+/// Whether a cell has lost too much of its shape, if one vertex of it were there.
+template <int Dim>
+bool Shifter<Dim>::is_spoilt(const CellRef& ref, VertexId moved, const Vec<Dim>* there) const {
+  const CellBlock& block = mesh_.blocks[ref.block];
+  auto p = corners(ref, false);
+  if (there)
+    for (int k = 0; k < vertex_count(block.type); ++k)
+      if (block.cell(ref.cell)[k] == moved) p[k] = *there;
+  const double now = corner_jacobians<Dim>(p, block.type).min_scaled;
+  return !(now >= options_.keep * corner_jacobians<Dim>(corners(ref, true), block.type).min_scaled);
 }
 
 template <int Dim>
-bool Shifter<Dim>::is_spoilt(const CellRef& ref) const {
-  const CellType type = mesh_.blocks[ref.block].type;
-  const double now = corner_jacobians<Dim>(corners(ref, false), type).min_scaled;
-  return !(now >= options_.keep * corner_jacobians<Dim>(corners(ref, true), type).min_scaled);
+void Shifter<Dim>::set_level(std::size_t slot, std::uint8_t level) {
+  level_[slot] = level;
+  mesh_.points[vertex_[slot]] = home_[slot] + kFactors[level] * whole_move_[slot];
 }
 
-/// Rounds on one state each: all shifted vertices of all spoilt cells go back one level. Levels only rise and at the
-/// last one every cell is as it was, so it ends.
+/// Rounds on one state each: all vertices of spoilt cells go back one level, as far as `last` allows, until no cell is
+/// spoilt. Levels only rise, so it ends. \pre at their last levels no cell is spoilt
 template <int Dim>
-void Shifter<Dim>::retreat() {
-  std::vector<std::uint32_t> active(vertex_.size());
-  for (std::size_t s = 0; s < active.size(); ++s) active[s] = static_cast<std::uint32_t>(s);
+void Shifter<Dim>::retreat(const std::vector<std::uint8_t>& last) {
+  std::vector<std::uint32_t> active;
+  for (std::size_t s = 0; s < last.size(); ++s)
+    if (level_[s] < last[s]) active.push_back(static_cast<std::uint32_t>(s));
   while (!active.empty()) {
     std::vector<std::uint8_t> back(vertex_.size(), 0);
-    parallel_for(execution_, static_cast<std::int64_t>(active.size()), 256, [&](std::int64_t i) {
+    parallel_for(execution_, std::ssize(active), 256, [&](std::int64_t i) {
       for (const CellRef& ref : cells_of(active[i]))
         if (is_spoilt(ref)) std::atomic_ref(back[active[i]]).store(1, std::memory_order_relaxed);
     });
     // A cell was looked at by all its vertices that may have moved: each of them knows.
     std::vector<std::uint32_t> moved;
-    for (std::size_t s = 0; s < back.size(); ++s) {
-      if (!back[s] || kFactors[level_[s]] == 0) continue;
-      ++level_[s];
-      mesh_.points[vertex_[s]] = home_[s] + kFactors[level_[s]] * whole_move_[s];
-      moved.push_back(static_cast<std::uint32_t>(s));
+    for (const std::uint32_t s : active) {
+      if (!back[s] || level_[s] == last[s]) continue;
+      set_level(s, level_[s] + 1);
+      moved.push_back(s);
     }
     // What changed next to them is to be looked at again, from all vertices of those cells.
     std::vector<std::uint8_t> again(vertex_.size(), 0);
@@ -221,7 +260,27 @@ void Shifter<Dim>::retreat() {
       }
     active.clear();
     for (std::size_t s = 0; s < again.size(); ++s)
-      if (again[s]) active.push_back(static_cast<std::uint32_t>(s));
+      if (again[s] && level_[s] < last[s]) active.push_back(static_cast<std::uint32_t>(s));
+  }
+}
+
+/// All vertices of a spoilt cell went back, most of them without need: each that can go a level on while its
+/// neighbours stay does so; where several together spoil a cell they go back.
+template <int Dim>
+void Shifter<Dim>::advance() {
+  for (int round = 0; round < kAdvances; ++round) {
+    const std::vector<std::uint8_t> before = level_;
+    std::vector<std::uint8_t> can(vertex_.size(), 0);
+    parallel_for(execution_, std::ssize(vertex_), 256, [&](std::int64_t s) {
+      if (level_[s] == 0) return;
+      const Vec<Dim> there = home_[s] + kFactors[level_[s] - 1] * whole_move_[s];
+      can[s] =
+          std::ranges::none_of(cells_of(s), [&](const CellRef& ref) { return is_spoilt(ref, vertex_[s], &there); });
+    });
+    for (std::size_t s = 0; s < can.size(); ++s)
+      if (can[s] != 0) set_level(s, level_[s] - 1);
+    retreat(before);
+    if (level_ == before) return;
   }
 }
 

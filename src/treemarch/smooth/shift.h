@@ -26,8 +26,8 @@ struct ShiftReport {
 
 /// Moves every vertex between two or more materials to where their weights are equal, or as far as that is allowed.
 /// Vertices on a side of the bounding box stay on it. Where a cell would lose too much of its shape, all its vertices
-/// go back a step, until none does. The result is the same for any number of threads.
-/// \pre the mesh is conforming, its cells are positive and it fills its bounding box.
+/// go back a step, until none does; then those that went back without need go on again. The result is the same for any
+/// number of threads. \pre the mesh is conforming, its cells are positive and it fills its bounding box.
 template <int Dim>
 ShiftReport shift_vertices(Mesh<Dim>& mesh, const Field<Dim>& field, const ShiftOptions& options, Execution& execution);
 
