@@ -52,16 +52,40 @@ float best_difference(const Field<Dim>& field, const Vec<Dim>& x, std::span<cons
 }
 
 template <int Dim>
+MaterialId heaviest(const Field<Dim>& field, const Vec<Dim>& x, std::span<const MaterialId> labels) {
+  MaterialId best = labels[0];
+  float best_weight = field.weight(x, best);
+  for (const MaterialId m : labels.subspan(1)) {
+    const float w = field.weight(x, m);
+    if (w == best_weight) {
+      const MaterialId own = field.voxel_label(x);
+      Vec<Dim> centre;
+      for (int d = 0; d < Dim; ++d) centre[d] = (std::floor(x[d] / field.spacing()[d]) + 0.5) * field.spacing()[d];
+      if (best == own || (m != own && field.difference(centre, m, best) <= 0)) continue;
+    } else if (w < best_weight) {
+      continue;
+    }
+    best = m;
+    best_weight = w;
+  }
+  return best;
+}
+
+template <int Dim>
 Vec<Dim> move_to_junction(const Field<Dim>& field, Vec<Dim> x, std::span<const MaterialId> labels, unsigned fixed_axes,
                           int steps) {
   const int n = static_cast<int>(std::min<std::size_t>(labels.size(), kMost));
   const Vec<Dim>& voxel = field.spacing();
   for (int step = 0; step < steps; ++step) {
     const Weights here = weights_at(field, x, labels);
-    double worst = 0;
-    for (int k = 1; k < n; ++k) worst = std::max(worst, std::abs(here[k] - here[0]));
-    if (worst < 1e-4) break;
-    // Rows of the Jacobian are the gradients of w_k - w_0, in units of voxels.
+    const auto [least, most] = std::minmax_element(here.begin(), here.begin() + n);
+    if (*most - *least < 1e-4) break;
+    // Rows of the Jacobian are the gradients of w_k less their mean, in units of voxels: no label comes first.
+    const auto mean = [&](const Weights& w) {
+      double sum = 0;
+      for (int k = 0; k < n; ++k) sum += w[k];
+      return sum / n;
+    };
     std::array<Vec<Dim>, kMost> row{};
     for (int d = 0; d < Dim; ++d) {
       if (fixed_axes >> d & 1) continue;
@@ -70,14 +94,16 @@ Vec<Dim> move_to_junction(const Field<Dim>& field, Vec<Dim> x, std::span<const M
       up[d] += kStep * voxel[d];
       down[d] -= kStep * voxel[d];
       const Weights w_up = weights_at(field, up, labels), w_down = weights_at(field, down, labels);
-      for (int k = 1; k < n; ++k) row[k][d] = (w_up[k] - w_up[0] - w_down[k] + w_down[0]) / (2 * kStep);
+      const double up_mean = mean(w_up), down_mean = mean(w_down);
+      for (int k = 0; k < n; ++k) row[k][d] = (w_up[k] - up_mean - w_down[k] + down_mean) / (2 * kStep);
     }
     std::array<Vec<Dim>, Dim> normal{};
     Vec<Dim> right{};
     double trace = 0;
-    for (int k = 1; k < n; ++k)
+    const double here_mean = mean(here);
+    for (int k = 0; k < n; ++k)
       for (int i = 0; i < Dim; ++i) {
-        right[i] -= row[k][i] * (here[k] - here[0]);
+        right[i] -= row[k][i] * (here[k] - here_mean);
         for (int j = 0; j < Dim; ++j) normal[i][j] += row[k][i] * row[k][j];
         trace += row[k][i] * row[k][i];
       }
@@ -95,6 +121,8 @@ template float best_difference(const Field<2>&, const Vec<2>&, std::span<const M
                                std::span<const MaterialId>);
 template float best_difference(const Field<3>&, const Vec<3>&, std::span<const MaterialId>,
                                std::span<const MaterialId>);
+template MaterialId heaviest(const Field<2>&, const Vec<2>&, std::span<const MaterialId>);
+template MaterialId heaviest(const Field<3>&, const Vec<3>&, std::span<const MaterialId>);
 template Vec<2> move_to_junction(const Field<2>&, Vec<2>, std::span<const MaterialId>, unsigned, int);
 template Vec<3> move_to_junction(const Field<3>&, Vec<3>, std::span<const MaterialId>, unsigned, int);
 

@@ -72,7 +72,7 @@ struct Beside {
   MaterialId material;
   std::uint32_t component;  // of the mesh, the first that was met
   bool several = false;     // components of it
-  int facets = 0;
+  double area = 0;          // of the facets to it
 };
 
 template <int Dim>
@@ -87,9 +87,9 @@ std::vector<Beside> materials_beside(std::span<const CellId> cells, const MeshCo
       auto at = std::ranges::find(result, patch.material(next), &Beside::material);
       if (at == result.end()) at = result.insert(at, {patch.material(next), component});
       at->several |= at->component != component;
-      ++at->facets;
+      at->area += facet_area<Dim>(patch, c, corner);
     }
-  std::ranges::sort(result, {}, [](const Beside& b) { return std::tuple(b.several, -b.facets, b.material); });
+  std::ranges::sort(result, {}, [](const Beside& b) { return std::tuple(b.several, -b.area, b.material); });
   return result;
 }
 

@@ -38,11 +38,9 @@ SmallPieces find_small_pieces(const LabelImage<Dim>& image, const ComponentMap& 
                               std::span<const std::uint8_t> required, const Mesh<Dim>& mesh,
                               const MeshComponents<Dim>& components, const Execution& execution);
 
-/// Gives each of them to the material beside it with the most facets, first to those that it does not join to other
-/// components, unless that makes more vertices where boundaries are no manifolds.
-/// \param components before anything was relabelled
-/// \param patch has the stars of their vertices
-/// \return the cells that changed
+/// Gives each of them to the material beside it with the largest area of facets, first to those that it does not join
+/// to other components, unless that makes more vertices where boundaries are no manifolds. \param components before
+/// anything was relabelled \param patch has the stars of their vertices \return the cells that changed
 template <int Dim>
 std::vector<CellId> relabel_strays(const std::vector<Stray>& strays, const MeshComponents<Dim>& components,
                                    Patch<Dim>& patch, Unpincher<Dim>& unpincher);

@@ -26,7 +26,28 @@ void add_vertices(const SimplexVertices<Dim>& cell, std::vector<VertexId>& verti
     if (std::ranges::find(vertices, v) == vertices.end()) vertices.push_back(v);
 }
 
+/// Area of the facets of a cell to cells of a material.
+template <int Dim>
+double contact_area(const Patch<Dim>& patch, CellId c, MaterialId material) {
+  double area = 0;
+  for (int corner = 0; corner <= Dim; ++corner) {
+    const CellId next = patch.neighbour(c, corner);
+    if (next != Patch<Dim>::kNoCell && patch.material(next) == material) area += facet_area<Dim>(patch, c, corner);
+  }
+  return area;
+}
+
 }  // namespace
+
+template <int Dim>
+double facet_area(const Patch<Dim>& patch, CellId c, int corner) {
+  const SimplexVertices<Dim> v = patch.cell(c);
+  const Vec<Dim>&p = patch.point(v[corner == 0]), &q = patch.point(v[corner <= 1 ? 2 : 1]);
+  if constexpr (Dim == 2)
+    return norm(q - p);
+  else
+    return norm(cross(q - p, patch.point(v[corner <= 2 ? 3 : 2]) - p)) / 2;
+}
 
 template <int Dim>
 bool keeps_connection(const Patch<Dim>& patch, std::span<const CellId> cells) {
@@ -140,6 +161,7 @@ void Unpincher<Dim>::propose(std::span<const CellId> cells, MaterialId to) {
     move.agreement += (own == to) - (own == from);
     const SimplexVertices<Dim> cell = patch_.cell(c);
     move.volume += simplex_determinant<Dim>(mesh_.points.data(), cell.data());
+    move.contact += contact_area<Dim>(patch_, c, to);
   }
   moves_.push_back(std::move(move));
 }
@@ -204,7 +226,8 @@ void Unpincher<Dim>::propose_cells() {
 template <int Dim>
 bool Unpincher<Dim>::apply_best() {
   std::ranges::stable_sort(moves_, [](const Move& a, const Move& b) {
-    return std::tuple(-a.gain, -a.agreement, a.volume) < std::tuple(-b.gain, -b.agreement, b.volume);
+    return std::tuple(-a.gain, -a.agreement, a.volume, -a.contact) <
+           std::tuple(-b.gain, -b.agreement, b.volume, -b.contact);
   });
   for (const Move& move : moves_) {
     if (!keeps_connection<Dim>(patch_, move.cells)) continue;
@@ -251,6 +274,8 @@ void Unpincher<Dim>::run(std::vector<VertexId> vertices) {
   for (const VertexId v : vertices) left_ += excess(v);
 }
 
+template double facet_area(const Patch<2>&, CellId, int);
+template double facet_area(const Patch<3>&, CellId, int);
 template bool keeps_connection(const Patch<2>&, std::span<const CellId>);
 template bool keeps_connection(const Patch<3>&, std::span<const CellId>);
 template class Unpincher<2>;

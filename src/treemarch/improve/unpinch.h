@@ -12,6 +12,10 @@
 
 namespace treemarch {
 
+/// Area (2D: length) of the facet opposite to a corner of a cell.
+template <int Dim>
+double facet_area(const Patch<Dim>& patch, CellId c, int corner);
+
 /// Whether the cells of one material beside the given ones, which have it too, hang together without them, close by:
 /// over facets, among the cells around their vertices. \pre !cells.empty(); their vertices have stars
 template <int Dim>
@@ -41,6 +45,7 @@ class Unpincher {
     int gain = 0;                // sheets fewer
     std::int64_t agreement = 0;  // cells for which the image is for it, less those for which it is against it
     double volume = 0;
+    double contact = 0;  // area of the facets to the material they go to
   };
 
   bool treat(VertexId v);

@@ -7,6 +7,7 @@
 
 #include "treemarch/core/error.h"
 #include "treemarch/core/parallel.h"
+#include "treemarch/field/junction.h"
 
 namespace treemarch {
 namespace {
@@ -39,13 +40,7 @@ MaterialId heaviest_label(const VertexLabels& labels, std::span<const VertexId> 
   if (set.size() == 0)
     for (const VertexId v : simplex)
       for (const MaterialId m : labels.of(v)) set.insert(m);
-  MaterialId best = set.items()[0];
-  float best_weight = field.weight(x, best);
-  for (const MaterialId m : set.items().subspan(1)) {
-    const float w = field.weight(x, m);
-    if (w > best_weight || (w == best_weight && m == field.voxel_label(x))) best = m, best_weight = w;
-  }
-  return best;
+  return heaviest<Dim>(field, x, set.items());
 }
 
 template <int Dim>

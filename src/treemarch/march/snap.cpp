@@ -214,10 +214,7 @@ bool Snapper<Dim>::propose(EndId end, Move& move) const {
   if (other == v) return false;
   const Vec<Dim> cut = here + at * (point(other) - here);
   const auto ends = state_.labels.of(other);
-  MaterialId gained = ends[0];
-  float best = field_.weight(cut, gained);
-  for (std::size_t k = 1; k < ends.size(); ++k)
-    if (const float w = field_.weight(cut, ends[k]); w > best) best = w, gained = ends[k];
+  const MaterialId gained = ends.size() == 1 ? ends[0] : heaviest<Dim>(field_, cut, ends);
   move.vertex = v;
   move.end = end;
   move.depth = (static_cast<std::uint64_t>(nearest.first + 1) << 32) | v;
