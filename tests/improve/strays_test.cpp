@@ -28,7 +28,6 @@ std::set<CellId> plant(Mesh<Dim>& mesh, unsigned seed) {
   std::mt19937 random(seed);
   CellBlock& block = mesh.blocks[0];
   const MeshComponents<Dim> before(mesh, Execution(2));
-  const std::vector<std::uint8_t> border = before.border();
   const auto corners = [&](CellId c) { return std::set<VertexId>(block.cell(c), block.cell(c) + Dim + 1); };
   std::set<VertexId> used;
   std::set<CellId> planted;
@@ -42,7 +41,7 @@ std::set<CellId> plant(Mesh<Dim>& mesh, unsigned seed) {
       if (shared == Dim) cells.push_back(o);
     }
     for (const CellId o : cells) mine.merge(corners(o));
-    if (std::ranges::any_of(mine, [&](VertexId v) { return border[v] != 0 || used.contains(v); })) continue;
+    if (std::ranges::any_of(mine, [&](VertexId v) { return before.is_border(v) || used.contains(v); })) continue;
     used.insert(mine.begin(), mine.end());
     for (const CellId o : cells) {
       block.materials[o] = (block.materials[o] + 1) % static_cast<MaterialId>(mesh.labels.size());

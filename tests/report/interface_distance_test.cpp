@@ -16,7 +16,8 @@ template <int Dim>
 std::vector<InterfaceFidelity> measured(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, int threads = 2) {
   std::vector<MaterialId> same(image.labels.size());
   std::iota(same.begin(), same.end(), 0U);
-  return measure_interfaces<Dim>(image, mesh, same, 0, {}, Execution(threads));
+  const Execution execution(threads);
+  return measure_interfaces<Dim>(image, mesh, same, 0, MeshComponents<Dim>(mesh, execution).facets(), execution);
 }
 
 template <int Dim>

@@ -16,7 +16,8 @@ void expect_as_in_image(const LabelImage<Dim>& image) {
   std::vector<std::int64_t> expected(image.labels.size());
   for (const ImageComponent& c : image_components(image)) ++expected[c.material];
   const Mesh<Dim> mesh = testing::voxel_mesh(image);
-  for (const int threads : {1, 5}) EXPECT_EQ(MeshComponents<Dim>(mesh, Execution(threads)).count(), expected);
+  for (const int threads : {1, 5})
+    EXPECT_EQ(MeshComponents<Dim>(mesh, Execution(threads)).count(Execution(threads)), expected);
 }
 
 TEST(MeshComponents, OfAMeshThatRepeatsTheImageAreThoseOfTheImage) {
@@ -70,19 +71,19 @@ TEST(MeshComponents, OfRealMeshesAgreeWithAFloodFill) {
     options.keep_background = seed % 3 == 0;
     Execution execution(2);
     const Mesh<3> mesh = mesh_image(testing::noise_image<3>({10, 9, 8}, 4, seed), options, execution).mesh;
-    EXPECT_EQ(MeshComponents<3>(mesh, execution).count(), brute_force(mesh));
+    EXPECT_EQ(MeshComponents<3>(mesh, execution).count(execution), brute_force(mesh));
   }
 }
 
 TEST(MeshComponents, DoNotDependOnTheNumbersOfVertices) {
   for (const auto& image : {testing::noise_image<3>({9, 8, 7}, 3, 4), testing::ball_image<3>({12, 12, 12}, 0.4)}) {
     Mesh<3> mesh = testing::voxel_mesh(image);
-    const auto expected = MeshComponents<3>(mesh, Execution(2)).count();
+    const auto expected = MeshComponents<3>(mesh, Execution(2)).count(Execution(2));
     const auto last = static_cast<VertexId>(mesh.points.size() - 1);
     std::ranges::reverse(mesh.points);
     for (CellBlock& block : mesh.blocks)
       for (VertexId& v : block.vertices) v = last - v;
-    EXPECT_EQ(MeshComponents<3>(mesh, Execution(2)).count(), expected);
+    EXPECT_EQ(MeshComponents<3>(mesh, Execution(2)).count(Execution(2)), expected);
   }
 }
 

@@ -203,9 +203,14 @@ BrokenComponents<Dim> find_broken(const LabelImage<Dim>& image, const ComponentM
   broken.image = &image;
   const auto is_lost = [&](std::uint32_t c) { return required[c] && fates[c].lost(); };
   const auto is_split = [&](std::uint32_t c) { return required[c] && fates[c].split(); };
-  bool any = false;
-  for (std::uint32_t c = 0; c < fates.size(); ++c) any |= is_lost(c) || is_split(c);
-  if (!any) return broken;
+  bool any_lost = false, any_split = false;
+  std::vector<std::uint8_t> splits(image.labels.size(), 0);  // a component of the material is split
+  for (std::uint32_t c = 0; c < fates.size(); ++c) {
+    any_lost |= is_lost(c);
+    any_split |= is_split(c);
+    if (is_split(c)) splits[map.components[c].material] = 1;
+  }
+  if (!any_lost && !any_split) return broken;
 
   const CellBlock& block = mesh.blocks[0];
   const auto tasks = static_cast<std::size_t>(block_count(block.size(), kCellsPerTask));
@@ -220,6 +225,7 @@ BrokenComponents<Dim> find_broken(const LabelImage<Dim>& image, const ComponentM
     auto& found = parts[static_cast<std::size_t>(task)];
     for_cells(static_cast<std::size_t>(task), [&](CellId cell) {
       const MaterialId material = block.materials[cell];
+      if (!any_lost && splits[material] == 0) return;
       for_each_simplex(mesh, block, cell, [&](const Simplex<Dim>& simplex) {
         centres.visit(
             simplex,
@@ -252,7 +258,7 @@ BrokenComponents<Dim> find_broken(const LabelImage<Dim>& image, const ComponentM
   std::vector<std::vector<CellId>> cells(tasks);
   parallel_for(execution, static_cast<std::int64_t>(small.empty() ? 0 : tasks), 1, [&](std::int64_t task) {
     for_cells(static_cast<std::size_t>(task), [&](CellId cell) {
-      if (std::ranges::binary_search(small, components.of(0, cell)))
+      if (splits[block.materials[cell]] != 0 && std::ranges::binary_search(small, components.of(0, cell)))
         cells[static_cast<std::size_t>(task)].push_back(cell);
     });
   });

@@ -1,12 +1,11 @@
 #include "treemarch/improve/repair_topology.h"
 
 #include <algorithm>
-#include <atomic>
 #include <numeric>
 #include <vector>
 
-#include "treemarch/core/parallel.h"
 #include "treemarch/improve/bridge.h"
+#include "treemarch/improve/neighbourhood.h"
 #include "treemarch/improve/patch.h"
 #include "treemarch/improve/strays.h"
 #include "treemarch/improve/unpinch.h"
@@ -15,37 +14,9 @@
 namespace treemarch {
 namespace {
 
-constexpr int kRingsOfPinches = 2;  // a move at a vertex changes the links one ring further
-constexpr int kRingsOfParts = 8;    // cells across the widest gap that is bridged
-constexpr std::int64_t kCellsPerTask = 1 << 14;
-
-/// Adds the neighbours of marked vertices, some rings of them.
-template <int Dim>
-void grow(const CellBlock& block, std::vector<std::uint8_t>& marked, int rings, const Execution& execution) {
-  for (int ring = 1; ring <= rings; ++ring) {
-    const auto now = static_cast<std::uint8_t>(ring + 1);
-    parallel_for(execution, block.size(), kCellsPerTask, [&](std::int64_t c) {
-      const VertexId* v = block.cell(c);
-      bool any = false;
-      for (int k = 0; k <= Dim; ++k) {
-        const std::uint8_t m = std::atomic_ref(marked[v[k]]).load(std::memory_order_relaxed);
-        any |= m != 0 && m < now;
-      }
-      if (!any) return;
-      for (int k = 0; k <= Dim; ++k) {
-        const std::atomic_ref<std::uint8_t> m(marked[v[k]]);
-        if (m.load(std::memory_order_relaxed) == 0) m.store(now, std::memory_order_relaxed);
-      }
-    });
-  }
-}
-
-std::vector<VertexId> listed(const std::vector<std::uint8_t>& marked) {
-  std::vector<VertexId> vertices;
-  for (std::size_t v = 0; v < marked.size(); ++v)
-    if (marked[v] != 0) vertices.push_back(static_cast<VertexId>(v));
-  return vertices;
-}
+// In lengths of the longest edge of a cell.
+constexpr double kReachOfPinches = 2;  // a move at a vertex changes the links one ring further
+constexpr double kReachOfParts = 8;    // the widest gap that is bridged
 
 template <int Dim>
 class Repairer {
@@ -54,12 +25,15 @@ class Repairer {
       : mesh_(mesh), image_(image), options_(options), execution_(execution), map_(map_components(image)) {
     to_image_.resize(image.labels.size());
     std::iota(to_image_.begin(), to_image_.end(), 0U);
+    if (options.left_out != kOutside) to_image_[options.left_out] = kOutside;
     mark_required();
   }
 
   RepairReport run() {
     while (true) {
-      const MeshComponents<Dim> components(mesh_, execution_);
+      // After the first round a uniform cell may have got another neighbour.
+      const MeshComponents<Dim> components(mesh_, execution_,
+                                           {image_.size(), report_.rounds == 0 ? options_.uniform_cells : 0});
       const std::vector<MeshPinch>& pinches = components.pinches();
       std::int64_t sheets = 0;
       for (const MeshPinch& p : pinches) sheets += p.sheets;
@@ -73,7 +47,7 @@ class Repairer {
       if ((pinches.empty() && broken.empty() && small.strays.empty()) || report_.rounds == options_.rounds)
         return report_;
       ++report_.rounds;
-      if (!mend(broken, pinches, small.strays, components)) return report_;
+      if (!mend(broken, small.strays, components)) return report_;
     }
   }
 
@@ -94,25 +68,30 @@ class Repairer {
       if (c >= 0) required_[static_cast<std::size_t>(c)] = 1;
   }
 
-  /// \return whether to look again: what is done to pinches disconnects nothing, a way that joins two parts may.
-  bool mend(const BrokenComponents<Dim>& broken, const std::vector<MeshPinch>& pinches,
-            const std::vector<Stray>& strays, const MeshComponents<Dim>& components) {
-    const CellBlock& block = mesh_.blocks[0];
-    std::vector<std::uint8_t> marked(mesh_.points.size());
-    for (const std::uint32_t c : broken.cells)
-      for (int k = 0; k <= Dim; ++k) marked[block.cell(c)[k]] = 1;
-    if (!broken.cells.empty()) grow<Dim>(block, marked, kRingsOfParts - kRingsOfPinches, execution_);
-    std::vector<VertexId> pinched;
-    for (const MeshPinch& p : pinches) {
-      marked[p.vertex] = 1;
-      if (pinched.empty() || pinched.back() != p.vertex) pinched.push_back(p.vertex);
-    }
+  /// The vertices that may have to do with the breaches.
+  std::vector<VertexId> around(const BrokenComponents<Dim>& broken, const std::vector<Stray>& strays,
+                               const MeshComponents<Dim>& components, const Marks& at_pinch) const {
+    std::vector<Reach> cells;
+    for (const CellId c : broken.cells) cells.push_back({c, kReachOfParts});
     for (const Stray& s : strays)
-      for (const CellId c : s.cells)
-        for (int k = 0; k <= Dim; ++k) marked[block.cell(c)[k]] = 1;
-    for (std::uint8_t& m : marked) m = m != 0;
-    grow<Dim>(block, marked, kRingsOfPinches, execution_);
-    Patch<Dim> patch(mesh_, listed(marked), execution_);
+      for (const CellId c : s.cells) cells.push_back({c, kReachOfPinches});
+    for (const BorderFacet& facet : components.facets()) {
+      const auto c = static_cast<CellId>(facet.side.cell);
+      const VertexId* v = mesh_.blocks[0].cell(c);
+      if (std::any_of(v, v + Dim + 1, [&](VertexId x) { return at_pinch[x]; })) cells.push_back({c, kReachOfPinches});
+    }
+    Marks marked(mesh_.points.size());
+    mark_near<Dim>(mesh_, cells, image_, marked, execution_);
+    return marked.vertices();
+  }
+
+  /// \return whether to look again: what is done to pinches disconnects nothing, a way that joins two parts may.
+  bool mend(const BrokenComponents<Dim>& broken, const std::vector<Stray>& strays,
+            const MeshComponents<Dim>& components) {
+    Marks at_pinch(mesh_.points.size());
+    for (const MeshPinch& p : components.pinches()) at_pinch.mark(p.vertex);
+    std::vector<VertexId> pinched = at_pinch.vertices();
+    Patch<Dim> patch(mesh_, around(broken, strays, components, at_pinch), execution_);
     Mended mended = mend_components(patch, broken, report_);
     Unpincher<Dim> unpincher(patch, mesh_, image_);
     const std::vector<CellId> given_away = relabel_strays(strays, components, patch, unpincher);
@@ -122,7 +101,7 @@ class Repairer {
       pinched.insert(pinched.end(), cell.begin(), cell.end());
     }
     std::ranges::sort(pinched);
-    pinched.erase(std::ranges::unique(pinched).begin(), pinched.end());
+    pinched.erase(std::unique(pinched.begin(), pinched.end()), pinched.end());
     std::erase_if(pinched, [&](VertexId v) { return !patch.has_star(v); });
     unpincher.run(std::move(pinched));
     report_.pinches_after = unpincher.left();

@@ -15,7 +15,9 @@ namespace treemarch {
 struct RepairOptions {
   std::int64_t min_component = 8;  ///< voxels of a component that must survive as one
   MaterialId left_out = kOutside;  ///< of this material, which the mesh holds in part only, no component is asked for
-  int rounds = 4;                  ///< of looking for breaches and mending them, at most
+  /// So many first cells have no vertex with a cell of another material.
+  std::int64_t uniform_cells = 0;
+  int rounds = 4;  ///< of looking for breaches and mending them, at most
 };
 
 struct RepairReport {
@@ -32,8 +34,8 @@ struct RepairReport {
 /// Relabels cells so that every label has a cell, every component of the image of at least options.min_component voxels
 /// is one component of the mesh, and the boundary of every material is a manifold. No vertex moves and no cell changes
 /// its shape. What cannot be mended stays as it is. The result is the same for any number of threads.
-/// \pre the mesh has one block, of simplices; its materials are those of the image; its points are in the image's inner
-/// frame.
+/// \pre the mesh has one block, of simplices, which fill the image's box; its materials are those of the image; its
+/// points are in the image's inner frame.
 template <int Dim>
 RepairReport repair_topology(Mesh<Dim>& mesh, const LabelImage<Dim>& image, const RepairOptions& options,
                              Execution& execution);

@@ -101,13 +101,13 @@ SmallPieces find_small_pieces(const LabelImage<Dim>& image, const ComponentMap& 
                               const MeshComponents<Dim>& components, const Execution& execution) {
   using Found = std::vector<std::pair<std::uint32_t, CellId>>;  // component and cell
   const CellBlock& block = mesh.blocks[0];
-  const auto tasks = static_cast<std::size_t>(block_count(block.size(), kCellsPerTask));
+  const std::int64_t first = components.known().uniform_cells;
+  const auto tasks = static_cast<std::size_t>(block_count(block.size() - first, kCellsPerTask));
   std::vector<Found> found(tasks);
   parallel_for(execution, static_cast<std::int64_t>(tasks), 1, [&](std::int64_t task) {
-    const std::int64_t begin = task * kCellsPerTask, end = std::min(block.size(), begin + kCellsPerTask);
+    const std::int64_t begin = first + task * kCellsPerTask, end = std::min(block.size(), begin + kCellsPerTask);
     for (std::int64_t c = begin; c < end; ++c) {
-      const VertexId* v = block.cell(c);
-      if (std::any_of(v, v + Dim + 1, [&](VertexId i) { return components.border()[i] == 0; })) continue;
+      if (components.has_inner_vertex(0, c)) continue;
       // Vertices inside come before cells, and the smallest member names a component.
       const std::uint32_t component = components.of(0, c);
       if (component >= mesh.points.size())
@@ -150,7 +150,7 @@ std::vector<CellId> relabel_strays(const std::vector<Stray>& strays, const MeshC
       around.insert(around.end(), v.begin(), v.end());
     }
     std::ranges::sort(around);
-    around.erase(std::ranges::unique(around).begin(), around.end());
+    around.erase(std::unique(around.begin(), around.end()), around.end());
     const auto excess = [&] {
       int sum = 0;
       for (const VertexId v : around) sum += unpincher.excess(v);

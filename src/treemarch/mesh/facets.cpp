@@ -49,8 +49,8 @@ std::array<VertexId, Rest + 1> sorted_vertices(const LocalFacet& facet, const Ve
 template <int Dim, int Rest>
 class Sorter {
  public:
-  Sorter(const Mesh<Dim>& mesh, const Execution& execution, std::span<const std::uint8_t> among)
-      : mesh_(mesh), execution_(execution), among_(among) {
+  Sorter(const Mesh<Dim>& mesh, const Execution& execution, const FacetFilter& filter)
+      : mesh_(mesh), execution_(execution), filter_(filter) {
     std::uint64_t facets = 0;
     for (const CellBlock& block : mesh.blocks) {
       first_facet_.push_back(static_cast<std::uint32_t>(facets));
@@ -84,7 +84,10 @@ class Sorter {
     for (std::size_t b = 0; b < mesh_.blocks.size(); ++b) {
       const CellBlock& block = mesh_.blocks[b];
       const CellTopology& shape = topology(block.type);
-      parallel_for(execution_, block.size(), kCellsPerTask, [&](std::int64_t c) {
+      const std::int64_t first = b == 0 ? filter_.first_cell : 0;
+      parallel_for(execution_, block.size() - first, kCellsPerTask, [&](std::int64_t i) {
+        const std::int64_t c = first + i;
+        if (!may_be_wanted(block, c)) return;
         for (int f = 0; f < shape.facet_count; ++f) {
           if (!is_wanted(shape.facets[f], block.cell(c))) continue;
           use(sorted_vertices<Rest>(shape.facets[f], block.cell(c)),
@@ -94,10 +97,17 @@ class Sorter {
     }
   }
 
+  [[nodiscard]] bool may_be_wanted(const CellBlock& block, std::int64_t c) const {
+    if (filter_.among.empty()) return true;
+    const VertexId* v = block.cell(c);
+    int wanted = 0;
+    for (int k = 0; k < vertex_count(block.type); ++k) wanted += filter_.among[v[k]] != 0;
+    return wanted >= Dim;
+  }
   [[nodiscard]] bool is_wanted(const LocalFacet& facet, const VertexId* cell) const {
-    if (among_.empty()) return true;
+    if (filter_.among.empty()) return true;
     for (int i = 0; i < facet.size; ++i)
-      if (among_[cell[facet.vertex[i]]] == 0) return false;
+      if (filter_.among[cell[facet.vertex[i]]] == 0) return false;
     return true;
   }
 
@@ -145,7 +155,7 @@ class Sorter {
 
   const Mesh<Dim>& mesh_;
   const Execution& execution_;
-  std::span<const std::uint8_t> among_;
+  FacetFilter filter_;
   std::vector<std::uint32_t> first_facet_;  // per block
   std::vector<std::uint32_t> counts_;       // facets by smallest vertex
   std::vector<Entry<Rest>> entries_;
@@ -158,18 +168,18 @@ std::int64_t facet_part_count(std::int64_t points) { return block_count(points, 
 template <int Dim>
 void visit_facets(const Mesh<Dim>& mesh, const Execution& execution,
                   const std::function<void(std::int64_t part, std::span<const FacetSide> sides)>& visit,
-                  std::span<const std::uint8_t> among) {
+                  const FacetFilter& filter) {
   if constexpr (Dim == 3) {
     for (const CellBlock& block : mesh.blocks)
-      if (block.type != CellType::tetrahedron) return Sorter<Dim, 3>(mesh, execution, among).run(visit);
+      if (block.type != CellType::tetrahedron) return Sorter<Dim, 3>(mesh, execution, filter).run(visit);
   }
-  Sorter<Dim, Dim - 1>(mesh, execution, among).run(visit);
+  Sorter<Dim, Dim - 1>(mesh, execution, filter).run(visit);
 }
 
 using Visitor = std::function<void(std::int64_t, std::span<const FacetSide>)>;
-template void visit_facets(const Mesh<1>&, const Execution&, const Visitor&, std::span<const std::uint8_t>);
-template void visit_facets(const Mesh<2>&, const Execution&, const Visitor&, std::span<const std::uint8_t>);
-template void visit_facets(const Mesh<3>&, const Execution&, const Visitor&, std::span<const std::uint8_t>);
-template void visit_facets(const Mesh<4>&, const Execution&, const Visitor&, std::span<const std::uint8_t>);
+template void visit_facets(const Mesh<1>&, const Execution&, const Visitor&, const FacetFilter&);
+template void visit_facets(const Mesh<2>&, const Execution&, const Visitor&, const FacetFilter&);
+template void visit_facets(const Mesh<3>&, const Execution&, const Visitor&, const FacetFilter&);
+template void visit_facets(const Mesh<4>&, const Execution&, const Visitor&, const FacetFilter&);
 
 }  // namespace treemarch

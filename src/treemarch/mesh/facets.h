@@ -21,6 +21,13 @@ struct FacetSide {
 /// Number of parts into which visit_facets() divides the facets of a mesh of so many points.
 [[nodiscard]] std::int64_t facet_part_count(std::int64_t points);
 
+/// Which facets are wanted.
+struct FacetFilter {
+  std::span<const std::uint8_t>
+      among;                    ///< if not empty, one a point: those whose vertices all have another value than 0
+  std::int64_t first_cell = 0;  ///< of block 0: cells before it count for nothing
+};
+
 /// Visits every facet of a mesh once, with the cells that have it (1 on the hull, 2 inside, more where the mesh is
 /// broken), ordered by block and cell.
 ///
@@ -29,12 +36,11 @@ struct FacetSide {
 /// order of the parts is therefore sorted, and the same for any number of threads. A quad and a triangle that share
 /// three vertices are different facets.
 ///
-/// \param among if not empty, one a point: facets are visited only if all their vertices have a value other than 0.
 /// A counting sort by the smallest vertex, in passes of bounded memory (about 12 bytes a facet, 200 MB at most).
 /// \pre vertex indices are in range. \throw Error(limits) above 2^32 - 1 facets.
 template <int Dim>
 void visit_facets(const Mesh<Dim>& mesh, const Execution& execution,
                   const std::function<void(std::int64_t part, std::span<const FacetSide> sides)>& visit,
-                  std::span<const std::uint8_t> among = {});
+                  const FacetFilter& filter = {});
 
 }  // namespace treemarch

@@ -119,6 +119,7 @@ Mesh<Dim> shape_mesh(const Shaping<Dim>& how, SimplexLattice<Dim>& lattice, bool
   RepairOptions repair;
   repair.min_component = how.options.min_component;
   repair.left_out = how.left_out;
+  repair.uniform_cells = report.cut.far_cells;
   report.repair = repair_topology(mesh, how.image, repair, execution);
   std::int64_t far_cells = report.cut.far_cells;
   if (how.left_out != kOutside) {

@@ -120,7 +120,7 @@ Overlap overlap(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, const std::
 template <int Dim>
 Fidelity label_sums(const Mesh<Dim>& mesh, const MeshComponents<Dim>& components, const Execution& execution) {
   const CellSums sums = sum_cells(mesh, execution);
-  const std::vector<std::int64_t> count = components.count();
+  const std::vector<std::int64_t> count = components.count(execution);
   Fidelity fidelity;
   fidelity.labels.resize(mesh.labels.size());
   for (std::size_t m = 0; m < mesh.labels.size(); ++m) {
@@ -201,7 +201,7 @@ Fidelity measure_fidelity(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, s
     at->components += in_mesh.components;
   }
   if constexpr (Dim < 4) {
-    fidelity.interfaces = measure_interfaces(image, mesh, to_image, background, components.border(), execution);
+    fidelity.interfaces = measure_interfaces(image, mesh, to_image, background, components.facets(), execution);
     const std::vector<ComponentFate> fates = component_fates(image, map, mesh, components, to_image, execution);
     fidelity.topology =
         report_topology<Dim>({image, mesh, map, components, fates}, background, min_component, execution);

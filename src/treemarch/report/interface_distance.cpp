@@ -4,11 +4,13 @@
 #include <cmath>
 #include <limits>
 
+#include "treemarch/core/parallel.h"
 #include "treemarch/mesh/cell_topology.h"
-#include "treemarch/mesh/facets.h"
 
 namespace treemarch {
 namespace {
+
+constexpr std::int64_t kFacetsPerPart = 4096;
 
 /// Sums over the facets between two materials of the image.
 template <int Dim>
@@ -134,40 +136,40 @@ PairSum<Dim>& sum_of(std::vector<PairSum<Dim>>& sums, MaterialId a, MaterialId b
 template <int Dim>
 std::vector<InterfaceFidelity> measure_interfaces(const LabelImage<Dim>& image, const Mesh<Dim>& mesh,
                                                   std::span<const MaterialId> to_image, std::int32_t background,
-                                                  std::span<const std::uint8_t> among, const Execution& execution) {
+                                                  std::span<const BorderFacet> borders, const Execution& execution) {
   const auto at = std::ranges::find(image.labels, background);
   const MaterialId nothing = at == image.labels.end() ? kOutside : static_cast<MaterialId>(at - image.labels.begin());
   const Vec<Dim> box = image.size();
   const FaceSearch<Dim> search(image);
-  std::vector<std::vector<PairSum<Dim>>> parts(
-      static_cast<std::size_t>(facet_part_count(static_cast<std::int64_t>(mesh.points.size()))));
-  const auto material = [&](const FacetSide& s) {
-    return to_image[mesh.blocks[s.block].materials[static_cast<std::size_t>(s.cell)]];
+  const auto facets = static_cast<std::int64_t>(borders.size());
+  std::vector<std::vector<PairSum<Dim>>> parts(static_cast<std::size_t>(block_count(facets, kFacetsPerPart)));
+  const auto measure = [&](const BorderFacet& border, std::vector<PairSum<Dim>>& sums) {
+    const CellBlock& block = mesh.blocks[border.side.block];
+    MaterialId a = to_image[block.materials[static_cast<std::size_t>(border.side.cell)]];
+    MaterialId b = border.beyond == kOutside ? nothing : to_image[border.beyond];
+    if (a == b || a == kOutside || b == kOutside) return;
+    const LocalFacet& facet = topology(block.type).facets[border.side.facet];
+    const VertexId* cell = block.cell(border.side.cell);
+    if (border.beyond == kOutside && on_box(mesh.points, facet, cell, box)) return;
+    if (a > b) std::swap(a, b);
+    Vec<Dim> middle{};
+    for (int k = 0; k < facet.size; ++k)
+      middle = middle + (1.0 / facet.size) * mesh.points[cell[facet.vertex[static_cast<std::size_t>(k)]]];
+    PairSum<Dim> one{a, b, facet_area(mesh.points, facet, cell)};
+    const double distance = search.distance(middle, a, b);
+    if (std::isfinite(distance)) {
+      one.near_area = one.area;
+      one.squares = one.area * distance * distance;
+      one.max = distance;
+      one.max_point = middle;
+    }
+    sum_of(sums, a, b).add(one);
   };
-  visit_facets(
-      mesh, execution,
-      [&](std::int64_t part, std::span<const FacetSide> sides) {
-        MaterialId a = material(sides[0]), b = sides.size() > 1 ? material(sides[1]) : nothing;
-        if (a == b || a == kOutside || b == kOutside) return;
-        const CellBlock& block = mesh.blocks[sides[0].block];
-        const LocalFacet& facet = topology(block.type).facets[sides[0].facet];
-        const VertexId* cell = block.cell(sides[0].cell);
-        if (sides.size() == 1 && on_box(mesh.points, facet, cell, box)) return;
-        if (a > b) std::swap(a, b);
-        Vec<Dim> middle{};
-        for (int k = 0; k < facet.size; ++k)
-          middle = middle + (1.0 / facet.size) * mesh.points[cell[facet.vertex[static_cast<std::size_t>(k)]]];
-        PairSum<Dim> one{a, b, facet_area(mesh.points, facet, cell)};
-        const double distance = search.distance(middle, a, b);
-        if (std::isfinite(distance)) {
-          one.near_area = one.area;
-          one.squares = one.area * distance * distance;
-          one.max = distance;
-          one.max_point = middle;
-        }
-        sum_of(parts[static_cast<std::size_t>(part)], a, b).add(one);
-      },
-      among);
+  parallel_for(execution, std::ssize(parts), 1, [&](std::int64_t p) {
+    const std::int64_t last = std::min(facets, (p + 1) * kFacetsPerPart);
+    for (std::int64_t i = p * kFacetsPerPart; i < last; ++i)
+      measure(borders[static_cast<std::size_t>(i)], parts[static_cast<std::size_t>(p)]);
+  });
 
   std::vector<PairSum<Dim>> all;
   for (const auto& part : parts) all.insert(all.end(), part.begin(), part.end());
@@ -196,7 +198,7 @@ std::vector<InterfaceFidelity> measure_interfaces(const LabelImage<Dim>& image, 
 #define TREEMARCH_INSTANTIATE(DIM)                                                                      \
   template std::vector<InterfaceFidelity> measure_interfaces(const LabelImage<DIM>&, const Mesh<DIM>&,  \
                                                              std::span<const MaterialId>, std::int32_t, \
-                                                             std::span<const std::uint8_t>, const Execution&);
+                                                             std::span<const BorderFacet>, const Execution&);
 TREEMARCH_INSTANTIATE(2)
 TREEMARCH_INSTANTIATE(3)
 #undef TREEMARCH_INSTANTIATE

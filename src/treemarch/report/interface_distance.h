@@ -9,6 +9,7 @@
 #include "treemarch/core/execution.h"
 #include "treemarch/image/label_image.h"
 #include "treemarch/mesh/mesh.h"
+#include "treemarch/topology/mesh_components.h"
 
 namespace treemarch {
 
@@ -29,11 +30,11 @@ struct InterfaceFidelity {
 inline constexpr int kReach = 4;
 
 /// All interfaces, by labels. The same for any number of threads.
-/// \param among one a point: 0 where a vertex cannot be on an interface (MeshComponents::border()); or empty
+/// \param borders the facets between materials and of the hull: MeshComponents::facets()
 /// \param to_image as in component_fates()
 template <int Dim>
 std::vector<InterfaceFidelity> measure_interfaces(const LabelImage<Dim>& image, const Mesh<Dim>& mesh,
                                                   std::span<const MaterialId> to_image, std::int32_t background,
-                                                  std::span<const std::uint8_t> among, const Execution& execution);
+                                                  std::span<const BorderFacet> borders, const Execution& execution);
 
 }  // namespace treemarch

@@ -5,9 +5,13 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdint>
+#include <memory>
+#include <optional>
 #include <vector>
 
 #include "treemarch/core/execution.h"
+#include "treemarch/core/vec.h"
+#include "treemarch/mesh/facets.h"
 #include "treemarch/mesh/mesh.h"
 
 namespace treemarch {
@@ -16,7 +20,8 @@ namespace treemarch {
 class SharedDisjointSets {
  public:
   using Index = std::uint32_t;
-  explicit SharedDisjointSets(std::size_t n = 0);
+  SharedDisjointSets() = default;
+  SharedDisjointSets(std::size_t n, const Execution& execution);
 
   Index find(Index i) const {
     while (true) {
@@ -28,6 +33,7 @@ class SharedDisjointSets {
     }
   }
   void join(Index a, Index b) {
+    if (at(a).load(std::memory_order_relaxed) == at(b).load(std::memory_order_relaxed)) return;
     while (true) {
       a = find(a);
       b = find(b);
@@ -36,12 +42,13 @@ class SharedDisjointSets {
       if (at(root).compare_exchange_strong(root, std::min(a, b), std::memory_order_relaxed)) return;
     }
   }
-  [[nodiscard]] std::size_t size() const { return parent_.size(); }
+  [[nodiscard]] std::size_t size() const { return size_; }
   [[nodiscard]] bool is_root(Index i) const { return parent_[i] == i; }
 
  private:
   [[nodiscard]] std::atomic_ref<Index> at(Index i) const { return std::atomic_ref(parent_[i]); }
-  mutable std::vector<Index> parent_;  // finding shortens the paths
+  std::unique_ptr<Index[]> parent_;  // finding shortens the paths
+  std::size_t size_ = 0;
 };
 
 /// A vertex of a mesh where a material touches itself: along an edge that four of its boundary's facets share, or in a
@@ -52,44 +59,80 @@ struct MeshPinch {
   int sheets = 0;  ///< of its boundary beyond one, at least 1 (VertexLink::Excess)
 };
 
+/// A facet between cells of two materials, or of the hull.
+struct BorderFacet {
+  FacetSide side;     ///< one cell that has it
+  MaterialId beyond;  ///< that of the other, kOutside on the hull
+};
+
+/// What is known of a mesh, so that less has to be looked at.
+template <int Dim>
+struct KnownOfMesh {
+  std::optional<Vec<Dim>> fills;   ///< it fills the box from the origin to this corner
+  std::int64_t uniform_cells = 0;  ///< so many first cells of block 0 have no vertex with a cell of another material
+};
+
 /// Components of the cells of each material, connected over facets, and where its boundary is no manifold. Refers to
 /// the mesh, which must not change. \pre the mesh is sound (mesh/validate.h)
 template <int Dim>
 class MeshComponents {
  public:
   using Index = SharedDisjointSets::Index;
-  /// Needs about 5 bytes a vertex and 4 a cell. The same for any number of threads.
-  MeshComponents(const Mesh<Dim>& mesh, const Execution& execution);
+  /// Needs about 9 bytes a vertex and 6 a cell. The same for any number of threads.
+  MeshComponents(const Mesh<Dim>& mesh, const Execution& execution, const KnownOfMesh<Dim>& known = {});
 
   /// The component of a cell: two cells are in one if and only if the numbers are equal. May be called from several
   /// threads.
   [[nodiscard]] Index of(std::size_t block, std::int64_t cell) const { return sets_.find(part_of(block, cell)); }
   /// Numbers of components are below this.
   [[nodiscard]] std::size_t index_end() const { return sets_.size(); }
+  /// Whether not all cells around a vertex are of one material and close around it or (known().fills) reach the box.
+  [[nodiscard]] bool is_border(VertexId v) const { return border_[v] == kBorder; }
+  /// Whether a cell has a vertex that is not on the border of its component. The numbers of components with such a
+  /// vertex are below those of the others, which begin at the number of points.
+  [[nodiscard]] bool has_inner_vertex(std::size_t block, std::int64_t cell) const {
+    return !is_cell(part_of(block, cell));
+  }
+  [[nodiscard]] const KnownOfMesh<Dim>& known() const { return known_; }
   /// Components of each material.
-  [[nodiscard]] std::vector<std::int64_t> count() const;
+  [[nodiscard]] std::vector<std::int64_t> count(const Execution& execution) const;
+  /// All facets between two materials and of the hull, by their vertices in ascending order; where the mesh is known to
+  /// fill a box, some of its hull may be missing.
+  [[nodiscard]] const std::vector<BorderFacet>& facets() const { return facets_; }
   /// All pinches, by vertex, then by material; none are looked for in four dimensions.
   [[nodiscard]] const std::vector<MeshPinch>& pinches() const { return pinches_; }
-  /// One a vertex: 0 where all cells around it are of one material and close around it, else 1.
-  [[nodiscard]] const std::vector<std::uint8_t>& border() const { return border_; }
 
  private:
   /// What is joined: inner vertices, which stand for the cells around them, and cells without an inner vertex.
   [[nodiscard]] Index part_of(std::size_t block, std::int64_t cell) const {
     const VertexId* v = mesh_.blocks[block].cell(cell);
     for (int i = 0; i < vertex_count(mesh_.blocks[block].type); ++i)
-      if (border_[v[i]] == 0) return v[i];
+      if (border_[v[i]] != kBorder) return v[i];
     return static_cast<Index>(first_cell_[block] + static_cast<std::size_t>(cell));
   }
+  /// Calls f(block, cell) for all cells but the uniform ones, in parallel.
+  template <class F>
+  void for_each_near_cell(const Execution& execution, F&& f) const;
   [[nodiscard]] bool is_cell(Index part) const { return part >= mesh_.points.size(); }
+  void mark_interfaces(const Execution& execution);
+  void mark_sides(const Vec<Dim>& far_corner, const Execution& execution);
+  void mark_hull(const Execution& execution);
   void join_inside(const Execution& execution);
   void join_at_borders(const Execution& execution);
+  void find_pinches(const Execution& execution) requires(Dim < 4);
+
+  // Of a vertex.
+  static constexpr std::uint8_t kInside = 0;  // all cells are of one material, and close around it
+  static constexpr std::uint8_t kBorder = 1;  // neither
+  static constexpr std::uint8_t kSide = 2;    // on the box; all cells are of one material, and connected over facets
 
   const Mesh<Dim>& mesh_;
-  std::vector<std::uint8_t> border_;
+  const KnownOfMesh<Dim> known_;
+  std::vector<std::uint8_t> border_;     // one a vertex
   std::vector<std::size_t> first_cell_;  // per block, numbered after the vertices
   SharedDisjointSets sets_;
-  std::vector<MaterialId> material_of_vertex_;
+  std::vector<MaterialId> material_of_vertex_;  // of one of the cells around it
+  std::vector<BorderFacet> facets_;
   std::vector<MeshPinch> pinches_;
 };
 

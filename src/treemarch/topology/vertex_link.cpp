@@ -7,13 +7,24 @@ namespace {
 
 std::size_t scatter(std::uint64_t key) { return static_cast<std::size_t>((key * 0x9e3779b97f4a7c15U) >> 40U); }
 
+std::uint64_t name_of(VertexId a, VertexId b) { return (std::uint64_t{std::min(a, b)} << 32U) | std::max(a, b); }
+
+/// Calls f(neighbour, neighbour) for the two neighbours of a vertex along the rim of a facet that has it (2D: the same
+/// one twice).
+template <class F>
+void with_neighbours(const LocalFacet& facet, const VertexId* cell, VertexId vertex, F&& f) {
+  for (int k = 0; k < facet.size; ++k)
+    if (cell[facet.vertex[k]] == vertex)
+      f(cell[facet.vertex[(k + 1) % facet.size]], cell[facet.vertex[(k + facet.size - 1) % facet.size]]);
+}
+
 }  // namespace
 
 template <int Dim>
 void VertexLink<Dim>::clear() {
   for (const std::uint32_t slot : used_) slots_[slot] = {};
   used_.clear();
-  pairs_.clear();
+  facets_.clear();
 }
 
 template <int Dim>
@@ -32,17 +43,16 @@ void VertexLink<Dim>::grow() {
 }
 
 template <int Dim>
-void VertexLink<Dim>::add_side(std::uint64_t key, MaterialId material, std::uint32_t name) {
+void VertexLink<Dim>::add_side(std::uint64_t key, MaterialId material) {
   const std::size_t mask = slots_.size() - 1;
   for (std::size_t i = scatter(key) & mask;; i = (i + 1) & mask) {
     Slot& slot = slots_[i];
     if (slot.key == key) {
       slot.second = material;
-      if (slot.first == material && vertex_ <= (key >> 32U)) pairs_.emplace_back(slot.name, name);
       return;
     }
     if (slot.key != kEmpty) continue;
-    slot = {key, material, kOutside, name};
+    slot = {key, material, kOutside};
     used_.push_back(static_cast<std::uint32_t>(i));
     if (2 * used_.size() > slots_.size()) grow();
     return;
@@ -50,13 +60,8 @@ void VertexLink<Dim>::add_side(std::uint64_t key, MaterialId material, std::uint
 }
 
 template <int Dim>
-void VertexLink<Dim>::add(CellType type, const VertexId* cell, VertexId vertex, MaterialId material, std::uint32_t name,
-                          const std::uint8_t* border) {
-  vertex_ = vertex;
-  const auto side = [&](VertexId a, VertexId b) {
-    if (border && (border[a] == 0 || border[b] == 0)) return;
-    add_side((std::uint64_t{std::min(a, b)} << 32U) | std::max(a, b), material, name);
-  };
+void VertexLink<Dim>::add(CellType type, const VertexId* cell, VertexId vertex, MaterialId material) {
+  const auto side = [&](VertexId a, VertexId b) { add_side(name_of(a, b), material); };
   if constexpr (Dim == 3) {
     if (type == CellType::tetrahedron) {
       std::array<VertexId, 3> other{};
@@ -70,22 +75,22 @@ void VertexLink<Dim>::add(CellType type, const VertexId* cell, VertexId vertex, 
     }
   }
   const CellTopology& shape = topology(type);
-  for (int f = 0; f < shape.facet_count; ++f) {
-    const LocalFacet& facet = shape.facets[f];
-    for (int k = 0; k < facet.size; ++k) {
-      if (cell[facet.vertex[k]] != vertex) continue;
-      const VertexId next = cell[facet.vertex[(k + 1) % facet.size]];
-      const VertexId before = cell[facet.vertex[(k + facet.size - 1) % facet.size]];
-      side(next, before);
-    }
-  }
+  for (int f = 0; f < shape.facet_count; ++f) with_neighbours(shape.facets[f], cell, vertex, side);
+}
+
+template <int Dim>
+void VertexLink<Dim>::add_facet(const LocalFacet& facet, const VertexId* cell, VertexId vertex, MaterialId first,
+                                MaterialId second) {
+  with_neighbours(facet, cell, vertex, [&](VertexId a, VertexId b) {
+    facets_.push_back({name_of(a, b), first, second});
+  });
 }
 
 template <int Dim>
 int VertexLink<Dim>::excess_of(MaterialId material) {
   if constexpr (Dim == 2) {  // an arc has two ends
     const auto ends =
-        std::ranges::count_if(border_, [&](const Border& b) { return b.first == material || b.second == material; });
+        std::ranges::count_if(border_, [&](const Slot& b) { return b.first == material || b.second == material; });
     return static_cast<int>(ends) / 2 - 1;
   }
   rim_.clear();
@@ -105,7 +110,7 @@ int VertexLink<Dim>::excess_of(MaterialId material) {
     while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
     return i;
   };
-  for (const Border& b : border_) {
+  for (const Slot& b : border_) {
     if (b.first != material && b.second != material) continue;
     const std::uint32_t u = root(place(static_cast<VertexId>(b.key >> 32U)));
     const std::uint32_t v = root(place(static_cast<VertexId>(b.key)));
@@ -121,7 +126,7 @@ int VertexLink<Dim>::excess_of(MaterialId material) {
 
 template <int Dim>
 const std::vector<typename VertexLink<Dim>::Excess>& VertexLink<Dim>::excess() {
-  border_.clear();
+  border_ = facets_;
   materials_.clear();
   excess_.clear();
   const auto note = [&](MaterialId m) {
@@ -129,14 +134,21 @@ const std::vector<typename VertexLink<Dim>::Excess>& VertexLink<Dim>::excess() {
   };
   for (const std::uint32_t at : used_) {
     const Slot& slot = slots_[at];
-    if (slot.first == slot.second) continue;
-    border_.push_back({slot.key, slot.first, slot.second});
-    note(slot.first);
-    note(slot.second);
+    if (slot.first != slot.second) border_.push_back(slot);
+  }
+  for (const Slot& b : border_) {
+    note(b.first);
+    note(b.second);
   }
   std::ranges::sort(materials_);
-  for (const MaterialId m : materials_)
-    if (const int sheets = excess_of(m); sheets != 0) excess_.push_back({m, sheets});
+  const bool two = materials_.size() == 2 && std::ranges::none_of(border_, [](const Slot& b) {
+                     return b.first == kOutside || b.second == kOutside;
+                   });
+  int sheets = 0;
+  for (std::size_t i = 0; i < materials_.size(); ++i) {
+    if (i == 0 || !two) sheets = excess_of(materials_[i]);  // two materials share their whole border
+    if (sheets != 0) excess_.push_back({materials_[i], sheets});
+  }
   return excess_;
 }
 

@@ -4,7 +4,6 @@
 
 #include <array>
 #include <cstdint>
-#include <utility>
 #include <vector>
 
 #include "treemarch/mesh/cell_topology.h"
@@ -21,14 +20,10 @@ class VertexLink {
  public:
   void clear();
   /// Adds a cell. \pre it has the vertex
-  /// \param name for pairs()
-  /// \param border null, or one a vertex: facets with a neighbour of the vertex whose value is 0, that is inside one
-  /// material, are passed over
-  void add(CellType type, const VertexId* cell, VertexId vertex, MaterialId material, std::uint32_t name = 0,
-           const std::uint8_t* border = nullptr);
-
-  /// Cells of one material that share a facet of which the vertex is the smallest (of three, where it has four).
-  [[nodiscard]] const std::vector<std::pair<std::uint32_t, std::uint32_t>>& pairs() const { return pairs_; }
+  void add(CellType type, const VertexId* cell, VertexId vertex, MaterialId material);
+  /// Adds a facet between two materials, or of the hull (kOutside beyond it), instead of the cells on its sides: where
+  /// all such facets at the vertex are added, no cell is needed. \pre it has the vertex
+  void add_facet(const LocalFacet& facet, const VertexId* cell, VertexId vertex, MaterialId first, MaterialId second);
 
   struct Excess {
     MaterialId material;
@@ -38,27 +33,21 @@ class VertexLink {
   const std::vector<Excess>& excess();
 
  private:
-  /// A facet at the vertex, named by the neighbours of the vertex in it.
+  /// A facet at the vertex, named by the neighbours of the vertex in it, and the materials on its sides.
   struct Slot {
     std::uint64_t key = kEmpty;
     MaterialId first = kOutside, second = kOutside;
-    std::uint32_t name = 0;  // of the first cell
-  };
-  struct Border {
-    std::uint64_t key;
-    MaterialId first, second;  // on its sides
   };
   static constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
 
-  void add_side(std::uint64_t key, MaterialId material, std::uint32_t name);
+  void add_side(std::uint64_t key, MaterialId material);
   void grow();
   int excess_of(MaterialId material);
 
   std::vector<Slot> slots_ = std::vector<Slot>(256);
   std::vector<std::uint32_t> used_;
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_;
-  VertexId vertex_ = 0;
-  std::vector<Border> border_;
+  std::vector<Slot> facets_;  // added as such
+  std::vector<Slot> border_;  // between materials
   std::vector<MaterialId> materials_;
   std::vector<VertexId> rim_;
   std::vector<std::uint32_t> parent_, degree_;

@@ -1,0 +1,55 @@
+/// \file
+/// Vertices near chosen ones.
+#pragma once
+
+#include <atomic>
+#include <bit>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "treemarch/core/execution.h"
+#include "treemarch/image/label_image.h"
+#include "treemarch/improve/patch.h"
+#include "treemarch/mesh/mesh.h"
+
+namespace treemarch {
+
+/// A set of vertices of a mesh, or of places on a raster. One bit each, so that the marks of a large mesh stay in the
+/// cache.
+class Marks {
+ public:
+  explicit Marks(std::size_t size) : words_(size / 64 + 1) {}
+  [[nodiscard]] bool operator[](std::size_t v) const { return (words_[v / 64] >> v % 64 & 1) != 0; }
+  /// May be called from several threads, while nobody reads.
+  void mark(std::size_t v) {
+    const std::atomic_ref word(words_[v / 64]);
+    const std::uint64_t bit = std::uint64_t{1} << v % 64;
+    if ((word.load(std::memory_order_relaxed) & bit) == 0) word.fetch_or(bit, std::memory_order_relaxed);
+  }
+  /// All, ascending.
+  [[nodiscard]] std::vector<VertexId> vertices() const {
+    std::vector<VertexId> vertices;
+    for (std::size_t w = 0; w < words_.size(); ++w)
+      for (std::uint64_t left = words_[w]; left != 0; left &= left - 1)
+        vertices.push_back(static_cast<VertexId>(64 * w) + static_cast<VertexId>(std::countr_zero(left)));
+    return vertices;
+  }
+
+ private:
+  std::vector<std::uint64_t> words_;
+};
+
+/// A cell, and how far around it, in lengths of its longest edge.
+struct Reach {
+  CellId cell;
+  double lengths;
+};
+
+/// Marks all vertices within reach of one of the cells, and maybe some a little further.
+/// \pre as repair_topology()
+template <int Dim>
+void mark_near(const Mesh<Dim>& mesh, std::span<const Reach> cells, const LabelImage<Dim>& image, Marks& marked,
+               const Execution& execution);
+
+}  // namespace treemarch
