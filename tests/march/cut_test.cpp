@@ -61,11 +61,28 @@ double worst_quality(const Mesh<Dim>& mesh) {
   return quality(worst);
 }
 
+/// Far cells have no vertex with a cell of another material.
+template <int Dim>
+void expect_uniform_far_cells(const Cut<Dim>& cut) {
+  const CellBlock& block = cut.mesh.blocks[0];
+  std::vector<MaterialId> of_vertex(cut.mesh.points.size(), kOutside);
+  for (std::int64_t c = 0; c < cut.report.far_cells; ++c)
+    for (int k = 0; k <= Dim; ++k) of_vertex[block.cell(c)[k]] = block.materials[c];
+  std::int64_t others = 0;
+  for (std::int64_t c = 0; c < block.size(); ++c)
+    for (int k = 0; k <= Dim; ++k) {
+      const MaterialId m = of_vertex[block.cell(c)[k]];
+      others += m != kOutside && m != block.materials[c];
+    }
+  EXPECT_EQ(others, 0);
+}
+
 template <int Dim>
 void expect_sound(const Cut<Dim>& cut, const LabelImage<Dim>& image, double floor = 18) {
   const MeshDefects defects = validate(cut.mesh, Execution(2));
   EXPECT_TRUE(defects.fills_box()) << defects.describe();
   EXPECT_GE(worst_quality(cut.mesh), floor - 1e-9);
+  expect_uniform_far_cells(cut);
   const Vec<Dim> box = image.size();
   for (int d = 0; d < Dim; ++d) {
     double low = box[d], high = 0;

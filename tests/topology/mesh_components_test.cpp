@@ -2,6 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <map>
+#include <set>
+#include <tuple>
+
 #include "support/images.h"
 #include "support/voxel_mesh.h"
 #include "treemarch/pipeline/mesh_image.h"
@@ -73,6 +78,59 @@ TEST(MeshComponents, OfRealMeshesAgreeWithAFloodFill) {
     const Mesh<3> mesh = mesh_image(testing::noise_image<3>({10, 9, 8}, 4, seed), options, execution).mesh;
     EXPECT_EQ(MeshComponents<3>(mesh, execution).count(execution), brute_force(mesh));
   }
+}
+
+/// Brings the cells without a vertex of another material's cell to the front, and returns how many there are.
+template <int Dim>
+std::int64_t sort_uniform_cells(Mesh<Dim>& mesh) {
+  CellBlock& block = mesh.blocks[0];
+  const auto n = static_cast<std::size_t>(block.size());
+  std::vector<std::set<MaterialId>> around(mesh.points.size());
+  for (std::size_t c = 0; c < n; ++c)
+    for (int i = 0; i <= Dim; ++i) around[block.cell(static_cast<std::int64_t>(c))[i]].insert(block.materials[c]);
+  CellBlock sorted{block.type, {}, {}};
+  std::int64_t uniform = 0;
+  for (const bool wanted : {true, false})
+    for (std::size_t c = 0; c < n; ++c) {
+      const VertexId* v = block.cell(static_cast<std::int64_t>(c));
+      if (std::all_of(v, v + Dim + 1, [&](VertexId x) { return around[x].size() == 1; }) != wanted) continue;
+      sorted.vertices.insert(sorted.vertices.end(), v, v + Dim + 1);
+      sorted.materials.push_back(block.materials[c]);
+      uniform += wanted;
+    }
+  block = sorted;
+  return uniform;
+}
+
+template <int Dim>
+void expect_the_same_of_a_known_mesh(const LabelImage<Dim>& image, double size) {
+  MeshOptions options;
+  options.sizes.min_size = size;
+  options.keep_background = true;
+  Execution execution(3);
+  Mesh<Dim> mesh = mesh_image(image, options, execution).mesh;
+  for (CellBlock& block : mesh.blocks)  // breaches of all kinds
+    for (std::size_t c = 0; c < block.materials.size(); c += 97)
+      block.materials[c] = (block.materials[c] + 1) % static_cast<MaterialId>(mesh.labels.size());
+  const std::int64_t uniform = sort_uniform_cells(mesh);
+  EXPECT_GT(uniform, 0);
+  const MeshComponents<Dim> plain(mesh, execution), known(mesh, execution, {image.size(), uniform});
+  EXPECT_EQ(plain.count(execution), known.count(execution));
+  const auto as_tuple = [](const MeshPinch& p) { return std::tuple(p.vertex, p.material, p.sheets); };
+  ASSERT_EQ(plain.pinches().size(), known.pinches().size());
+  for (std::size_t i = 0; i < plain.pinches().size(); ++i)
+    EXPECT_EQ(as_tuple(plain.pinches()[i]), as_tuple(known.pinches()[i]));
+  std::map<MeshComponents<3>::Index, MeshComponents<3>::Index> number;
+  for (std::int64_t c = 0; c < mesh.blocks[0].size(); ++c)
+    EXPECT_EQ(number.try_emplace(plain.of(0, c), known.of(0, c)).first->second, known.of(0, c));
+}
+
+TEST(MeshComponents, WhatIsKnownOfAMeshChangesNothing) {
+  for (unsigned seed = 0; seed < 3; ++seed) {
+    expect_the_same_of_a_known_mesh(testing::noise_image<3>({9, 8, 9}, 3, seed), 0.5);
+    expect_the_same_of_a_known_mesh(testing::noise_image<2>({21, 18}, 3, seed), 0.5);
+  }
+  expect_the_same_of_a_known_mesh(testing::ball_image<3>({16, 16, 16}, 0.4), 1);
 }
 
 TEST(MeshComponents, DoNotDependOnTheNumbersOfVertices) {
