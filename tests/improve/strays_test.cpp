@@ -41,7 +41,7 @@ std::set<CellId> plant(Mesh<Dim>& mesh, unsigned seed) {
       if (shared == Dim) cells.push_back(o);
     }
     for (const CellId o : cells) mine.merge(corners(o));
-    if (std::ranges::any_of(mine, [&](VertexId v) { return before.is_border(v) || used.contains(v); })) continue;
+    if (std::ranges::any_of(mine, [&](VertexId v) { return !before.is_inner(v) || used.contains(v); })) continue;
     used.insert(mine.begin(), mine.end());
     for (const CellId o : cells) {
       block.materials[o] = (block.materials[o] + 1) % static_cast<MaterialId>(mesh.labels.size());

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "treemarch/core/parallel.h"
+#include "treemarch/improve/neighbourhood.h"
 #include "treemarch/topology/simplices.h"
 #include "treemarch/topology/voxel_centres.h"
 
@@ -101,16 +102,20 @@ SmallPieces find_small_pieces(const LabelImage<Dim>& image, const ComponentMap& 
                               const MeshComponents<Dim>& components, const Execution& execution) {
   using Found = std::vector<std::pair<std::uint32_t, CellId>>;  // component and cell
   const CellBlock& block = mesh.blocks[0];
-  const std::int64_t first = components.known().uniform_cells;
-  const auto tasks = static_cast<std::size_t>(block_count(block.size() - first, kCellsPerTask));
+  Marks with_inner_vertex(components.index_end());
+  parallel_for(execution, std::ssize(mesh.points), kCellsPerTask, [&](std::int64_t v) {
+    if (components.is_inner(static_cast<VertexId>(v)))
+      with_inner_vertex.mark(components.of_inner(static_cast<VertexId>(v)));
+  });
+  const auto tasks = static_cast<std::size_t>(block_count(block.size(), kCellsPerTask));
   std::vector<Found> found(tasks);
   parallel_for(execution, static_cast<std::int64_t>(tasks), 1, [&](std::int64_t task) {
-    const std::int64_t begin = first + task * kCellsPerTask, end = std::min(block.size(), begin + kCellsPerTask);
+    const std::int64_t begin = task * kCellsPerTask, end = std::min(block.size(), begin + kCellsPerTask);
     for (std::int64_t c = begin; c < end; ++c) {
-      if (components.has_inner_vertex(0, c)) continue;
-      // Vertices inside come before cells, and the smallest member names a component.
+      const VertexId* v = block.cell(c);
+      if (std::any_of(v, v + Dim + 1, [&](VertexId i) { return components.is_inner(i); })) continue;
       const std::uint32_t component = components.of(0, c);
-      if (component >= mesh.points.size())
+      if (!with_inner_vertex[component])
         found[static_cast<std::size_t>(task)].push_back({component, static_cast<CellId>(c)});
     }
   });

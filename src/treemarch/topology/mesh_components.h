@@ -86,14 +86,10 @@ class MeshComponents {
   [[nodiscard]] Index of(std::size_t block, std::int64_t cell) const { return sets_.find(part_of(block, cell)); }
   /// Numbers of components are below this.
   [[nodiscard]] std::size_t index_end() const { return sets_.size(); }
-  /// Whether not all cells around a vertex are of one material and close around it or (known().fills) reach the box.
-  [[nodiscard]] bool is_border(VertexId v) const { return border_[v] == kBorder; }
-  /// Whether a cell has a vertex that is not on the border of its component. The numbers of components with such a
-  /// vertex are below those of the others, which begin at the number of points.
-  [[nodiscard]] bool has_inner_vertex(std::size_t block, std::int64_t cell) const {
-    return !is_cell(part_of(block, cell));
-  }
-  [[nodiscard]] const KnownOfMesh<Dim>& known() const { return known_; }
+  /// Whether all cells around a vertex are of one material and close around it.
+  [[nodiscard]] bool is_inner(VertexId v) const { return border_[v] == kInside; }
+  /// The component around such a vertex.
+  [[nodiscard]] Index of_inner(VertexId v) const { return sets_.find(v); }
   /// Components of each material.
   [[nodiscard]] std::vector<std::int64_t> count(const Execution& execution) const;
   /// All facets between two materials and of the hull, by their vertices in ascending order; where the mesh is known to
