@@ -36,7 +36,9 @@ void expect_sound(const LabelImage<Dim>& image, const ShiftOptions& options) {
   for (std::int64_t c = 0; c < cells.size(); ++c) {
     std::array<Vec<Dim>, 8> p{};
     for (int k = 0; k < vertex_count(cells.type); ++k) p[k] = after.points[cells.cell(c)[k]];
-    ASSERT_GE(corner_jacobians<Dim>(p, cells.type).min_scaled, options.keep - 1e-12);
+    const CornerJacobians j = corner_jacobians<Dim>(p, cells.type);
+    ASSERT_GE(j.min_scaled, options.keep - 1e-12);
+    ASSERT_GE(j.ratio(), options.keep_ratio - 1e-12);
   }
   std::int64_t moved = 0;
   for (std::size_t v = 0; v < after.points.size(); ++v) {

@@ -50,7 +50,7 @@ class WholeCells {
   using Pyramid = std::array<VertexId, 5>;
   using Counts = std::array<std::int64_t, 2>;  // pyramids, boxes
   template <std::size_t N>
-  static constexpr std::size_t kind = N == 5 ? 0 : 1;
+  static constexpr std::size_t kKind = N == 5 ? 0 : 1;
 
   template <class Visit>
   void for_leaves(Visit&& visit) const {
@@ -291,7 +291,7 @@ void WholeCells<Dim>::write() {
   };
   parallel_for(execution_, std::ssize(first), 1, [&](std::int64_t block) {
     Counts count{};
-    for_block(block, [&]<std::size_t N>(const std::array<VertexId, N>&, MaterialId) { ++count[kind<N>]; });
+    for_block(block, [&]<std::size_t N>(const std::array<VertexId, N>&, MaterialId) { ++count[kKind<N>]; });
     first[block] = count;
   });
   Counts total{};
@@ -306,9 +306,9 @@ void WholeCells<Dim>::write() {
   parallel_for(execution_, std::ssize(first), 1, [&](std::int64_t block) {
     Counts next = first[block];
     for_block(block, [&]<std::size_t N>(const std::array<VertexId, N>& cell, MaterialId material) {
-      const std::int64_t at = next[kind<N>]++;
-      std::ranges::copy(cell, added[kind<N>].vertices.begin() + at * static_cast<std::int64_t>(N));
-      added[kind<N>].materials[at] = material;
+      const std::int64_t at = next[kKind<N>]++;
+      std::ranges::copy(cell, added[kKind<N>].vertices.begin() + at * static_cast<std::int64_t>(N));
+      added[kKind<N>].materials[at] = material;
     });
   });
   // The simplices that stay move to the front.

@@ -165,8 +165,8 @@ std::string to_text(const Report& report, ReportLength length) {
                    report.quality.angles.min, report.quality.angles.max);
   for (std::size_t t = 0; t < report.quality.jacobians.size(); ++t)
     if (const JacobianQuality& j = report.quality.jacobians[t]; j.cells > 0)
-      text += format("\n%s cells: scaled Jacobian at least %.3f, mean %.3f", name(static_cast<CellType>(t)),
-                     j.min_scaled, j.mean_scaled);
+      text += format("\n%s cells: scaled Jacobian at least %.3f, mean %.3f; Jacobian ratio at least %.3f, mean %.3f",
+                     name(static_cast<CellType>(t)), j.min_scaled, j.mean_scaled, j.min_ratio, j.mean_ratio);
   if (report.guarantee && report.guarantee->improve.below_after > 0)
     text += "\n" + std::to_string(report.guarantee->improve.below_after) +
             " elements stay below the quality asked for (" + std::string(name_of(report.guarantee->improve.stopped)) +

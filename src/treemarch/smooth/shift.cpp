@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <span>
+#include <tuple>
 #include <vector>
 
 #include "treemarch/core/parallel.h"
@@ -24,7 +25,7 @@ constexpr int kAdvances = 20;
 struct CellRef {
   std::uint32_t cell;
   std::uint8_t block;
-  auto operator<=>(const CellRef&) const = default;
+  bool operator<(const CellRef& other) const { return std::tie(cell, block) < std::tie(other.cell, other.block); }
 };
 
 template <int Dim>
@@ -220,8 +221,9 @@ bool Shifter<Dim>::is_spoilt(const CellRef& ref, VertexId moved, const Vec<Dim>*
   if (there)
     for (int k = 0; k < vertex_count(block.type); ++k)
       if (block.cell(ref.cell)[k] == moved) p[k] = *there;
-  const double now = corner_jacobians<Dim>(p, block.type).min_scaled;
-  return !(now >= options_.keep * corner_jacobians<Dim>(corners(ref, true), block.type).min_scaled);
+  const CornerJacobians now = corner_jacobians<Dim>(p, block.type),
+                        before = corner_jacobians<Dim>(corners(ref, true), block.type);
+  return !(now.min_scaled >= options_.keep * before.min_scaled && now.ratio() >= options_.keep_ratio * before.ratio());
 }
 
 template <int Dim>

@@ -14,8 +14,9 @@ namespace treemarch {
 
 struct ShiftOptions {
   double most = 0;  ///< a vertex moves by at most this part of the smallest cell around it, along each axis; below 1/2
-  /// Every cell keeps this part of its scaled Jacobian (mesh/cell_topology.h), hence no corner is inverted.
-  double keep = 0.15;
+  /// Every cell keeps this part of its scaled Jacobian (mesh/cell_topology.h), hence no corner is inverted, and of the
+  /// ratio of its smallest Jacobian to its largest.
+  double keep = 0.15, keep_ratio = 0.05;
 };
 
 struct ShiftReport {
