@@ -71,53 +71,22 @@ TEST(guaranteed_pipeline, ellipsoid_and_torus_are_smooth) {
 
 TEST(guaranteed_pipeline, normals_get_no_worse_as_cells_shrink) {
   Execution execution(2);
-  const Vec<3> centre{32.13, 32.31, 31.78};
-  const Level distance = [=](const Vec<3>& x) { return norm(x - centre) - 24.7; };
-  const auto image = voxelised(64, distance);
-  MeshOptions options = one_voxel();
-  double before = 7.5;  // degrees, RMS
-  for (const double side : {4.0, 2.0, 1.0}) {
-    options.sizes.min_size = side;
-    const SurfaceError error = surface_error(mesh_image(image, options, execution).mesh, distance);
-    EXPECT_LE(error.normal, before) << side;
-    EXPECT_LE(error.distance, 0.15) << side;
-    before = error.normal + 0.1;
-  }
-}
-
-/// A shell of two voxels around a ball: with two layers no cell reaches from one of its sides to the other.
-TEST(guaranteed_pipeline, shells_stay_closed_and_have_the_layers_asked_for) {
-  Execution execution(2);
-  std::vector<std::int32_t> values;
-  for (std::int64_t i = 0; i < 36 * 36 * 36; ++i) {
-    const Coord<3> c = coord_of<3>(i, {36, 36, 36});
-    const double r = std::hypot(c[0] - 17.6, c[1] - 18.1, c[2] - 17.8);
-    values.push_back(r < 12 ? 1 : r < 14 ? 2 : 0);
-  }
-  const auto image = make_label_image<3>({36, 36, 36}, values);
-  MeshOptions options;
-  options.keep_background = true;
-  options.sizes.tolerance = 0.5;
-  for (const int layers : {0, 2}) {
-    options.sizes.layers = layers;
-    const Mesh<3> mesh = mesh_image(image, options, execution).mesh;
-    // Bit 0: beside the inside of the shell, bit 1: beside its outside.
-    std::vector<int> beside(mesh.points.size(), 0);
-    for (const FacetBlock& block : extract_interfaces(mesh, Hull::leave_out, execution))
-      for (std::int64_t f = 0; f < block.size(); ++f) {
-        const std::int32_t first = mesh.labels[block.first[f]], second = mesh.labels[block.second[f]];
-        EXPECT_FALSE(first == 0 && second == 1) << "the shell is open";
-        for (int k = 0; k < 3; ++k) beside[block.vertices[f * 3 + k]] |= first == 0 ? 2 : 1;
-      }
-    std::int64_t across = 0, cells = 0;
-    for (std::int64_t c = 0; c < mesh.blocks[0].size(); ++c) {
-      if (mesh.labels[mesh.blocks[0].materials[c]] != 2) continue;
-      int sides = 0;
-      for (int k = 0; k < 4; ++k) sides |= beside[mesh.blocks[0].cell(c)[k]];
-      across += sides == 3;
-      ++cells;
+  for (const double radius : {8.3, 16.1}) {
+    const auto side = static_cast<std::int32_t>(2 * radius + 14);
+    const Vec<3> centre{side / 2 + 0.13, side / 2 + 0.31, side / 2 - 0.22};
+    const Level distance = [=](const Vec<3>& x) { return norm(x - centre) - radius; };
+    const auto image = voxelised(side, distance);
+    MeshOptions options = one_voxel();
+    double before = 8;  // degrees, RMS
+    for (const double size : {4.0, 2.0, 1.0, 0.5}) {
+      SCOPED_TRACE(::testing::Message() << "radius " << radius << ", cells of " << size);
+      options.sizes.min_size = size;
+      const SurfaceError error = surface_error(mesh_image(image, options, execution).mesh, distance);
+      EXPECT_LE(error.normal, before);
+      EXPECT_LE(error.distance, size == 4 ? 0.22 : 0.12);  // of vertices: large facets are on the sphere on average
+      // Small cells have the field's own error, cells of a voxel average it a little.
+      before = 1.03 * error.normal;
     }
-    EXPECT_EQ(across == 0, layers == 2) << across << " of " << cells;
   }
 }
 
