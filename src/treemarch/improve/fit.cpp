@@ -17,12 +17,14 @@ namespace {
 
 constexpr std::int64_t kBlock = 1024;
 constexpr int kMostParts = 6;  // samples along an edge
-constexpr int kRounds = 2, kSweeps = 3;
+constexpr int kRounds = 2, kSweeps = 2;
 constexpr double kStiffness = 0.02;  // of a vertex against moves that its facets do not ask for
 // In voxels:
 constexpr double kFine = 1.25;                 // shorter facets are true to the field if their corners are
 constexpr double kSmooth = 1.2, kSharp = 4.5;  // facets up to the first follow the field, from the second on the voxels
 constexpr double kLeast = 0.07;                // shorter moves are left out
+template <int Dim>
+constexpr double kPart = Dim == 2 ? 1 : 1.4;  // between samples, up to kMostParts of them
 
 /// A facet and what the samples on it say. The interface is at distance t along the normal from a sample with shares s
 /// of the corners; corners that move by d_k change it to t - sum_k s_k normal.d_k.
@@ -34,6 +36,7 @@ struct Facet {
   double voxel = 0;                                     ///< extent of a voxel along the normal
   Vec<Dim> normal{};                                    ///< from first to second
   std::array<double, Dim> place{};                      ///< of the corners along the normal
+  double weight = 0, squares = 0;                       ///< area that the samples stand for, and sum of t^2
   std::array<double, Dim> pull{};                       ///< sum of t s_k
   std::array<std::array<double, Dim>, Dim> coupling{};  ///< sum of s_k s_j
 };
@@ -98,13 +101,13 @@ class Fitter {
     link(patch);
     report_.facets = static_cast<std::int64_t>(facets_.size());
     for (int round = 0; round < kRounds; ++round) {
-      const double rms = measure();
-      if (round == 0) report_.rms_before = rms;
+      measure();
+      if (round == 0) report_.rms_before = rms();
       for (int s = 0; s < kSweeps; ++s)
         report_.moves +=
             sweep(patch, restless(patch), execution_, [&](VertexId v, Vec<Dim>& x) { return find_place(patch, v, x); });
     }
-    report_.rms_after = measure();
+    report_.rms_after = rms();
     return report_;
   }
 
@@ -114,8 +117,9 @@ class Fitter {
   [[nodiscard]] double sharpness_of(double longest) const;
   [[nodiscard]] bool lies_on_box(const std::array<Vec<Dim>, Dim>& p) const;
   void link(const Patch<Dim>& patch);
-  double measure();
-  void measure(Facet<Dim>& f, std::array<double, 2>& sums) const;
+  void measure();
+  void measure(Facet<Dim>& f) const;
+  [[nodiscard]] double rms() const;
   bool to_field(const Facet<Dim>& f, const Vec<Dim>& x, double limit, double& t) const;
   bool to_voxels(const Facet<Dim>& f, const Vec<Dim>& x, double limit, double& t) const;
   [[nodiscard]] Vec<Dim> wish_of(const Patch<Dim>& patch, VertexId v) const;
@@ -288,7 +292,7 @@ double Fitter<Dim>::sharpness_of(double longest) const {
 }
 
 template <int Dim>
-void Fitter<Dim>::measure(Facet<Dim>& f, std::array<double, 2>& sums) const {
+void Fitter<Dim>::measure(Facet<Dim>& f) const {
   std::array<Vec<Dim>, Dim> p;
   for (int k = 0; k < Dim; ++k) p[k] = mesh_.points[f.v[k]];
   const double longest = std::sqrt(longest_edge2<Dim>(p));
@@ -298,11 +302,13 @@ void Fitter<Dim>::measure(Facet<Dim>& f, std::array<double, 2>& sums) const {
   double per_voxel = 0;
   for (int d = 0; d < Dim; ++d) per_voxel += std::pow(f.normal[d] / field_.spacing()[d], 2);
   f.voxel = 1 / std::sqrt(per_voxel);
+  f.weight = f.squares = 0;
   f.pull = {};
   f.coupling = {};
   for (int k = 0; k < Dim; ++k) f.place[k] = dot(f.normal, p[k]);
   const double sharpness = sharpness_of(longest);
-  const auto& samples = samples_[std::clamp(static_cast<int>(std::ceil(longest / voxel_)), 1, kMostParts)];
+  const auto& samples =
+      samples_[std::clamp(static_cast<int>(std::ceil(longest / (kPart<Dim> * voxel_))), 1, kMostParts)];
   const double weight = area / static_cast<double>(samples.size());
   const double limit = std::max(1.5 * f.voxel, 0.5 * longest);
   for (const auto& share : samples) {
@@ -312,8 +318,8 @@ void Fitter<Dim>::measure(Facet<Dim>& f, std::array<double, 2>& sums) const {
     if (sharpness < 1 && !to_field(f, x, limit, smooth)) continue;
     if (sharpness > 0 && !to_voxels(f, x, limit, sharp)) continue;
     const double t = smooth + sharpness * (sharp - smooth);
-    sums[0] += weight;
-    sums[1] += weight * t * t;
+    f.weight += weight;
+    f.squares += weight * t * t;
     for (int k = 0; k < Dim; ++k) {
       f.pull[k] += weight * t * share[k];
       for (int j = 0; j < Dim; ++j) f.coupling[k][j] += weight * share[k] * share[j];
@@ -322,19 +328,36 @@ void Fitter<Dim>::measure(Facet<Dim>& f, std::array<double, 2>& sums) const {
 }
 
 template <int Dim>
-double Fitter<Dim>::measure() {
+void Fitter<Dim>::measure() {
+  parallel_for(execution_, static_cast<std::int64_t>(facets_.size()), kBlock,
+               [&](std::int64_t i) { measure(facets_[static_cast<std::size_t>(i)]); });
+}
+
+/// The distances of all samples, as the moves since measure() have changed them.
+template <int Dim>
+double Fitter<Dim>::rms() const {
   using Sums = std::array<double, 2>;
   const Sums sums = parallel_reduce(
       execution_, static_cast<std::int64_t>(facets_.size()), kBlock, Sums{},
       [&](std::int64_t begin, std::int64_t end) {
         Sums s{};
-        for (std::int64_t i = begin; i < end; ++i) measure(facets_[i], s);
+        for (std::int64_t i = begin; i < end; ++i) {
+          const Facet<Dim>& f = facets_[static_cast<std::size_t>(i)];
+          std::array<double, Dim> moved;
+          for (int k = 0; k < Dim; ++k) moved[k] = dot(f.normal, mesh_.points[f.v[k]]) - f.place[k];
+          s[0] += f.weight;
+          s[1] += f.squares;
+          for (int k = 0; k < Dim; ++k) {
+            s[1] -= 2 * f.pull[k] * moved[k];
+            for (int j = 0; j < Dim; ++j) s[1] += f.coupling[k][j] * moved[k] * moved[j];
+          }
+        }
         return s;
       },
       [](const Sums& a, const Sums& b) {
         return Sums{a[0] + b[0], a[1] + b[1]};
       });
-  return sums[0] > 0 ? std::sqrt(sums[1] / sums[0]) : 0;
+  return sums[0] > 0 ? std::sqrt(std::max(0.0, sums[1]) / sums[0]) : 0;
 }
 
 /// Whether all cells around a vertex reach the quality when it is at x.

@@ -21,9 +21,11 @@ struct FitOptions {
 };
 
 struct FitReport {
-  std::int64_t facets = 0;               ///< that are large enough to be fitted
-  std::int64_t moves = 0;                ///< of vertices
-  double rms_before = 0, rms_after = 0;  ///< distance between these facets and the interface they follow, physical
+  std::int64_t facets = 0;  ///< that are large enough to be fitted
+  std::int64_t moves = 0;   ///< of vertices
+  /// Distance between these facets and the interface they follow, physical; afterwards as the last measurement and the
+  /// moves since then tell.
+  double rms_before = 0, rms_after = 0;
 };
 
 /// Moves the vertices of interfaces such that the facets around them have the least squared distance from the interface
