@@ -22,7 +22,7 @@ struct InfoOptions {
 template <int Dim>
 nlohmann::ordered_json describe(const std::string& path, const LabelImage<Dim>& image, const Execution& execution) {
   std::vector<std::int64_t> voxels(image.labels.size()), components(image.labels.size());
-  for (const ImageComponent& c : image_components(image)) {
+  for (const ImageComponent& c : image_components(image, execution)) {
     voxels[c.material] += c.voxels;
     ++components[c.material];
   }

@@ -25,7 +25,7 @@ MeshResult<Dim> mesh_of(const LabelImage<Dim>& image, int threads = 2) {
 template <int Dim>
 std::int64_t broken_components(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, std::int64_t least) {
   const Execution execution(2);
-  const ComponentMap map = map_components(image);
+  const ComponentMap map = map_components(image, execution);
   std::vector<MaterialId> same(image.labels.size());
   std::iota(same.begin(), same.end(), 0U);
   const MeshComponents<Dim> components(mesh, execution);

@@ -55,7 +55,7 @@ template <int Dim>
 void find_and_remove(const LabelImage<Dim>& image) {
   const Mesh<Dim> original = mesh_of(image, 2);
   Execution execution(2);
-  const ComponentMap map = map_components(image);
+  const ComponentMap map = map_components(image, execution);
   const std::vector<std::uint8_t> required(map.components.size(), 1);
   const auto pieces = [&](const Mesh<Dim>& mesh) {
     return find_small_pieces<Dim>(image, map, required, mesh, MeshComponents<Dim>(mesh, execution), execution);

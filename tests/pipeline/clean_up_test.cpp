@@ -45,7 +45,7 @@ TEST(clean_up, leaves_no_island_but_the_last_of_a_label) {
     for (const std::int32_t l : labels) EXPECT_NE(std::ranges::find(image.labels, l), image.labels.end());
     EXPECT_EQ(image.labels, make_label_image(image.extent, after).labels);  // by first appearance
     std::vector<int> small(image.labels.size());
-    for (const ImageComponent& c : image_components(image)) small[c.material] += c.voxels < 6;
+    for (const ImageComponent& c : image_components(image, Execution(2))) small[c.material] += c.voxels < 6;
     for (std::size_t m = 0; m < small.size(); ++m) EXPECT_TRUE(small[m] <= 1 || image.labels[m] == 0);
   }
 }

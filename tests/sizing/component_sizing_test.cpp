@@ -30,7 +30,7 @@ LabelImage<3> with_island(const Coord<3>& island, double spacing = 1) {
 
 float island_size(const LabelImage<3>& image, const ComponentSizing& sizing) {
   std::vector<float> sizes;
-  const std::int64_t count = add_component_sizes(image, sizing, sizes);
+  const std::int64_t count = add_component_sizes(image, sizing, sizes, Execution(2));
   if (count == 0) return 0;
   EXPECT_EQ(count, 1);
   const float size = sizes[static_cast<std::size_t>(linear_index<3>({2, 2, 2}, image.extent))];
@@ -60,8 +60,8 @@ TEST(ComponentSizes, HoldForEveryComponentOfRandomImages) {
                            .paint(static_cast<testing::Shapes>(seed % testing::kShapeKinds));
     const ComponentSizing sizing{.min_component = 4, .left_out = 0, .floor = 6, .least = 0.75};
     std::vector<float> sizes(static_cast<std::size_t>(image.voxels.size()), 0);
-    add_component_sizes(image, sizing, sizes);
-    const ComponentMap map = map_components(image);
+    add_component_sizes(image, sizing, sizes, Execution(2));
+    const ComponentMap map = map_components(image, Execution(2));
     for (std::size_t v = 0; v < sizes.size(); ++v) {
       const ImageComponent& c = map.components[map.of_voxel[v]];
       const double size = sizes[v];
@@ -79,7 +79,7 @@ TEST(ComponentSizes, HoldForEveryComponentOfRandomImages) {
 TEST(ComponentSizes, LowerWhatIsThereOnly) {
   const auto image = with_island({4, 4, 4});
   std::vector<float> sizes(static_cast<std::size_t>(image.voxels.size()), 1.5F);
-  add_component_sizes(image, {.floor = 8, .least = 1}, sizes);
+  add_component_sizes(image, {.floor = 8, .least = 1}, sizes, Execution(2));
   EXPECT_TRUE(std::ranges::all_of(sizes, [](float s) { return s == 1.5F; }));
 }
 

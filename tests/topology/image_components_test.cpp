@@ -42,7 +42,7 @@ std::vector<ImageComponent> brute_force(const LabelImage<Dim>& image) {
 
 template <int Dim>
 void expect_as_brute_force(const LabelImage<Dim>& image) {
-  const auto found = image_components(image);
+  const auto found = image_components(image, Execution(3));
   const auto expected = brute_force(image);
   ASSERT_EQ(found.size(), expected.size());
   for (std::size_t i = 0; i < found.size(); ++i) {
@@ -60,6 +60,7 @@ TEST(Components, AgreeWithAFloodFill) {
     expect_as_brute_force(testing::noise_image<3>({9, 11, 7}, labels, seed));
     expect_as_brute_force(testing::noise_image<4>({5, 4, 6, 3}, labels, seed));
   }
+  expect_as_brute_force(testing::noise_image<3>({5, 70, 60}, 2, 1));  // rows enough for several threads
 }
 
 }  // namespace

@@ -22,7 +22,7 @@ template <int Dim>
 class Repairer {
  public:
   Repairer(Mesh<Dim>& mesh, const LabelImage<Dim>& image, const RepairOptions& options, Execution& execution)
-      : mesh_(mesh), image_(image), options_(options), execution_(execution), map_(map_components(image)) {
+      : mesh_(mesh), image_(image), options_(options), execution_(execution), map_(map_components(image, execution)) {
     to_image_.resize(image.labels.size());
     std::iota(to_image_.begin(), to_image_.end(), 0U);
     if (options.left_out != kOutside) to_image_[options.left_out] = kOutside;

@@ -132,7 +132,7 @@ CleanUpReport clean_up(LabelImage<Dim>& image, const CleanUpOptions& options, Ex
   const MaterialId background =
       at == image.labels.end() ? kOutside : static_cast<MaterialId>(at - image.labels.begin());
   if (options.remove_islands > 0) {
-    const ComponentMap map = map_components(image);
+    const ComponentMap map = map_components(image, execution);
     const std::vector<std::uint8_t> gone =
         absorb(image, map, find_islands(map.components, image.labels.size(), background, options.remove_islands));
     std::vector<CleanedLabel> by_material(image.labels.size());
@@ -150,7 +150,7 @@ CleanUpReport clean_up(LabelImage<Dim>& image, const CleanUpOptions& options, Ex
   }
   report.holes.label = options.background;
   if (options.fill_holes > 0 && background != kOutside) {
-    const ComponentMap map = map_components(image);
+    const ComponentMap map = map_components(image, execution);
     const std::vector<std::uint8_t> gone = absorb(image, map, find_holes(image, map, background, options.fill_holes));
     for (std::size_t c = 0; c < gone.size(); ++c) {
       report.holes.components += gone[c];

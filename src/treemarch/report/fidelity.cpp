@@ -186,7 +186,7 @@ template <int Dim>
 Fidelity measure_fidelity(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, std::int32_t background,
                           const Execution& execution, std::int64_t min_component) {
   const std::vector<MaterialId> to_image = match_labels(mesh.labels, image.labels);
-  const ComponentMap map = map_components(image);
+  const ComponentMap map = map_components(image, execution);
   const MeshComponents<Dim> components(mesh, execution);
   Fidelity fidelity;
   fidelity.labels = compare_labels(image, overlap(image, mesh, to_image, execution), map, background);

@@ -65,15 +65,15 @@ std::vector<std::int64_t> largest_of_each(const std::vector<ImageComponent>& com
 }  // namespace
 
 template <int Dim>
-std::int64_t add_component_sizes(const LabelImage<Dim>& image, const ComponentSizing& sizing,
-                                 std::vector<float>& sizes) {
+std::int64_t add_component_sizes(const LabelImage<Dim>& image, const ComponentSizing& sizing, std::vector<float>& sizes,
+                                 const Execution& execution) {
   // Longer wires and wider sheets than this many cells have not so many voxels that their label's share would be
   // unknown to sizes by material.
   constexpr double kMostCells = 64;
   double voxel = 1;
   for (const double s : image.frame.spacing) voxel *= s;
   const double most_voxels = kMostCells * std::pow(sizing.floor, Dim) / voxel;
-  const std::vector<ImageComponent> components = image_components(image);
+  const std::vector<ImageComponent> components = image_components(image, execution);
   const std::vector<std::int64_t> largest = largest_of_each(components, image.labels.size());
   std::vector<const ImageComponent*> small;
   for (const ImageComponent& c : components)
@@ -101,7 +101,9 @@ std::int64_t add_component_sizes(const LabelImage<Dim>& image, const ComponentSi
   return count;
 }
 
-template std::int64_t add_component_sizes(const LabelImage<2>&, const ComponentSizing&, std::vector<float>&);
-template std::int64_t add_component_sizes(const LabelImage<3>&, const ComponentSizing&, std::vector<float>&);
+template std::int64_t add_component_sizes(const LabelImage<2>&, const ComponentSizing&, std::vector<float>&,
+                                          const Execution&);
+template std::int64_t add_component_sizes(const LabelImage<3>&, const ComponentSizing&, std::vector<float>&,
+                                          const Execution&);
 
 }  // namespace treemarch

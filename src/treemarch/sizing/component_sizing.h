@@ -22,7 +22,7 @@ struct ComponentSizing {
 /// that of a cube of a cell's side, or whose thickness, twice their volume over their area, is less than a third of it
 /// as that of a cube is. Sizes are halves of the floor. \return number of components that get smaller cells
 template <int Dim>
-std::int64_t add_component_sizes(const LabelImage<Dim>& image, const ComponentSizing& sizing,
-                                 std::vector<float>& sizes);
+std::int64_t add_component_sizes(const LabelImage<Dim>& image, const ComponentSizing& sizing, std::vector<float>& sizes,
+                                 const Execution& execution);
 
 }  // namespace treemarch

@@ -78,9 +78,8 @@ std::vector<ComponentFate> component_fates(const LabelImage<Dim>& image, const C
         centres.visit(
             simplex,
             [&](std::int64_t v) {
-              if (image.voxels[v] != material) return false;
               if (component == ComponentFate::kNone) component = components.of(b, c);
-              return !fates.covers(v, component);
+              return !fates.covers(v, component) && image.voxels[v] == material;
             },
             [&](std::int64_t v) { fates.widen(v, material, component); });
       });

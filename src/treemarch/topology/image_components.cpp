@@ -1,9 +1,17 @@
 #include "treemarch/topology/image_components.h"
 
 #include <algorithm>
+#include <limits>
+#include <span>
+
+#include "treemarch/core/error.h"
+#include "treemarch/core/parallel.h"
+#include "treemarch/topology/disjoint_sets.h"
 
 namespace treemarch {
 namespace {
+
+constexpr std::int64_t kRowsPerTask = 256;
 
 /// A maximal stretch of one material along the first axis.
 struct Run {
@@ -11,27 +19,9 @@ struct Run {
   std::int32_t begin, end;
 };
 
-class DisjointSets {
- public:
-  void add() { parent_.push_back(static_cast<std::uint32_t>(parent_.size())); }
-  std::uint32_t find(std::uint32_t i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-  /// The smaller index stays the representative, so that it is the first in scan order.
-  void join(std::uint32_t a, std::uint32_t b) {
-    a = find(a);
-    b = find(b);
-    parent_[std::max(a, b)] = std::min(a, b);
-  }
-
- private:
-  std::vector<std::uint32_t> parent_;
-};
-
 /// Joins runs of two rows that overlap and have the same material.
 void join_rows(const std::vector<Run>& runs, std::size_t a, std::size_t a_end, std::size_t b, std::size_t b_end,
-               DisjointSets& sets) {
+               SharedDisjointSets& sets) {
   while (a < a_end && b < b_end) {
     if (runs[a].material == runs[b].material && runs[a].begin < runs[b].end && runs[b].begin < runs[a].end)
       sets.join(static_cast<std::uint32_t>(a), static_cast<std::uint32_t>(b));
@@ -42,50 +32,62 @@ void join_rows(const std::vector<Run>& runs, std::size_t a, std::size_t a_end, s
   }
 }
 
-/// The runs of an image in scan order, joined to components.
+/// The runs of an image in scan order, joined to components. The first run of a component stands for it.
 struct JoinedRuns {
   std::vector<Run> runs;
   std::vector<std::size_t> row_begin;  // of each row, and the end
-  DisjointSets sets;
+  SharedDisjointSets sets;
 };
 
-template <int Dim>
-JoinedRuns join_runs(const LabelImage<Dim>& image) {
-  const std::int64_t width = image.extent[0];
-  const std::int64_t rows = width ? product(image.extent) / width : 0;
-  JoinedRuns joined;
-  auto& [runs, row_begin, sets] = joined;
-  row_begin.reserve(static_cast<std::size_t>(rows) + 1);
-  row_begin.push_back(0);
+/// Calls use(row, first voxel, one past the last) for every run, rows in parallel.
+template <int Dim, class Use>
+void for_each_run(const LabelImage<Dim>& image, const Execution& execution, Use&& use) {
+  const std::int64_t width = image.extent[0], rows = width ? product(image.extent) / width : 0;
   image.voxels.visit([&](const auto* voxels) {
-    for (std::int64_t row = 0; row < rows; ++row) {
+    parallel_for(execution, rows, kRowsPerTask, [&](std::int64_t row) {
       const auto* v = voxels + row * width;
       for (std::int32_t x = 0; x < width;) {
         const std::int32_t begin = x;
         while (x < width && v[x] == v[begin]) ++x;
-        runs.push_back({static_cast<MaterialId>(v[begin]), begin, x});
-        sets.add();
+        use(row, Run{static_cast<MaterialId>(v[begin]), begin, x});
       }
-      row_begin.push_back(runs.size());
-      std::int64_t stride = 1;  // in rows, along axis d
-      for (int d = 1; d < Dim; ++d) {
-        if (row / stride % image.extent[d] > 0) {
-          const auto before = static_cast<std::size_t>(row - stride);
-          join_rows(runs, row_begin[before], row_begin[before + 1], row_begin[static_cast<std::size_t>(row)],
-                    runs.size(), sets);
-        }
-        stride *= image.extent[d];
+    });
+  });
+}
+
+template <int Dim>
+JoinedRuns join_runs(const LabelImage<Dim>& image, const Execution& execution) {
+  const std::int64_t width = image.extent[0], rows = width ? product(image.extent) / width : 0;
+  JoinedRuns joined;
+  auto& [runs, row_begin, sets] = joined;
+  row_begin.assign(static_cast<std::size_t>(rows) + 1, 0);
+  for_each_run(image, execution, [&](std::int64_t row, const Run&) { ++row_begin[static_cast<std::size_t>(row)]; });
+  runs.resize(exclusive_scan(std::span(row_begin)));
+  if (runs.size() > std::numeric_limits<std::uint32_t>::max())
+    throw Error(ErrorKind::limits, "image: 2^32 or more runs of equal labels; crop or clean it");
+  std::vector<std::size_t> next(row_begin.begin(), row_begin.end());
+  for_each_run(image, execution,
+               [&](std::int64_t row, const Run& run) { runs[next[static_cast<std::size_t>(row)]++] = run; });
+  sets = SharedDisjointSets(runs.size(), execution);
+  parallel_for(execution, rows, kRowsPerTask, [&](std::int64_t row) {
+    const auto here = static_cast<std::size_t>(row);
+    std::int64_t stride = 1;  // in rows, along axis d
+    for (int d = 1; d < Dim; ++d) {
+      if (row / stride % image.extent[d] > 0) {
+        const auto before = static_cast<std::size_t>(row - stride);
+        join_rows(runs, row_begin[before], row_begin[before + 1], row_begin[here], row_begin[here + 1], sets);
       }
+      stride *= image.extent[d];
     }
   });
   return joined;
 }
 
-/// Lists the components; use(row, run, component) is called for every run.
-template <class Use>
-std::vector<ImageComponent> list_components(JoinedRuns& joined, std::int64_t width, Use&& use) {
+/// Lists the components. \param component_of of each run
+std::vector<ImageComponent> list_components(const JoinedRuns& joined, std::int64_t width,
+                                            std::vector<std::uint32_t>& component_of) {
   std::vector<ImageComponent> components;
-  std::vector<std::uint32_t> component_of(joined.runs.size());
+  component_of.resize(joined.runs.size());
   for (std::size_t row = 0; row + 1 < joined.row_begin.size(); ++row) {
     for (std::size_t r = joined.row_begin[row]; r < joined.row_begin[row + 1]; ++r) {
       const Run& run = joined.runs[r];
@@ -94,8 +96,8 @@ std::vector<ImageComponent> list_components(JoinedRuns& joined, std::int64_t wid
         component_of[r] = static_cast<std::uint32_t>(components.size());
         components.push_back({run.material, 0, static_cast<std::int64_t>(row) * width + run.begin});
       }
-      components[component_of[root]].voxels += run.end - run.begin;
-      use(static_cast<std::int64_t>(row), run, component_of[root]);
+      component_of[r] = component_of[root];
+      components[component_of[r]].voxels += run.end - run.begin;
     }
   }
   return components;
@@ -104,31 +106,35 @@ std::vector<ImageComponent> list_components(JoinedRuns& joined, std::int64_t wid
 }  // namespace
 
 template <int Dim>
-std::vector<ImageComponent> image_components(const LabelImage<Dim>& image) {
-  JoinedRuns joined = join_runs(image);
-  return list_components(joined, image.extent[0], [](std::int64_t, const Run&, std::uint32_t) {});
+std::vector<ImageComponent> image_components(const LabelImage<Dim>& image, const Execution& execution) {
+  std::vector<std::uint32_t> component_of;
+  return list_components(join_runs(image, execution), image.extent[0], component_of);
 }
 
 template <int Dim>
-ComponentMap map_components(const LabelImage<Dim>& image) {
-  JoinedRuns joined = join_runs(image);
-  ComponentMap map;
-  map.of_voxel.resize(static_cast<std::size_t>(product(image.extent)));
+ComponentMap map_components(const LabelImage<Dim>& image, const Execution& execution) {
+  const JoinedRuns joined = join_runs(image, execution);
   const std::int64_t width = image.extent[0];
-  map.components = list_components(joined, width, [&](std::int64_t row, const Run& run, std::uint32_t component) {
+  std::vector<std::uint32_t> component_of;
+  ComponentMap map;
+  map.components = list_components(joined, width, component_of);
+  map.of_voxel.resize(static_cast<std::size_t>(product(image.extent)));
+  parallel_for(execution, std::ssize(joined.row_begin) - 1, kRowsPerTask, [&](std::int64_t row) {
     const auto begin = map.of_voxel.begin() + row * width;
-    std::fill(begin + run.begin, begin + run.end, component);
+    const auto here = static_cast<std::size_t>(row);
+    for (std::size_t r = joined.row_begin[here]; r < joined.row_begin[here + 1]; ++r)
+      std::fill(begin + joined.runs[r].begin, begin + joined.runs[r].end, component_of[r]);
   });
   return map;
 }
 
-template std::vector<ImageComponent> image_components(const LabelImage<1>&);
-template std::vector<ImageComponent> image_components(const LabelImage<2>&);
-template std::vector<ImageComponent> image_components(const LabelImage<3>&);
-template std::vector<ImageComponent> image_components(const LabelImage<4>&);
-template ComponentMap map_components(const LabelImage<1>&);
-template ComponentMap map_components(const LabelImage<2>&);
-template ComponentMap map_components(const LabelImage<3>&);
-template ComponentMap map_components(const LabelImage<4>&);
+#define TREEMARCH_INSTANTIATE(DIM)                                                                 \
+  template std::vector<ImageComponent> image_components(const LabelImage<DIM>&, const Execution&); \
+  template ComponentMap map_components(const LabelImage<DIM>&, const Execution&);
+TREEMARCH_INSTANTIATE(1)
+TREEMARCH_INSTANTIATE(2)
+TREEMARCH_INSTANTIATE(3)
+TREEMARCH_INSTANTIATE(4)
+#undef TREEMARCH_INSTANTIATE
 
 }  // namespace treemarch

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "treemarch/core/execution.h"
 #include "treemarch/image/label_image.h"
 
 namespace treemarch {
@@ -17,8 +18,9 @@ struct ImageComponent {
 };
 
 /// All components, by their first voxels. Works on runs along the first axis, in almost linear time.
+/// \throw Error(limits) if there are 2^32 runs or more.
 template <int Dim>
-std::vector<ImageComponent> image_components(const LabelImage<Dim>& image);
+std::vector<ImageComponent> image_components(const LabelImage<Dim>& image, const Execution& execution);
 
 /// The same, and the component of each voxel as an index into them.
 struct ComponentMap {
@@ -27,6 +29,6 @@ struct ComponentMap {
 };
 
 template <int Dim>
-ComponentMap map_components(const LabelImage<Dim>& image);
+ComponentMap map_components(const LabelImage<Dim>& image, const Execution& execution);
 
 }  // namespace treemarch

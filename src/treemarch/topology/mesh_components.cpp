@@ -28,12 +28,6 @@ std::uint64_t scatter(std::uint64_t x) {
 
 }  // namespace
 
-SharedDisjointSets::SharedDisjointSets(std::size_t n, const Execution& execution)
-    : parent_(std::make_unique_for_overwrite<Index[]>(n)), size_(n) {
-  parallel_for(execution, static_cast<std::int64_t>(n), 1 << 18,
-               [&](std::int64_t i) { parent_[i] = static_cast<Index>(i); });
-}
-
 template <int Dim>
 MeshComponents<Dim>::MeshComponents(const Mesh<Dim>& mesh, const Execution& execution, const KnownOfMesh<Dim>& known)
     : mesh_(mesh), known_(known), border_(mesh.points.size()), material_of_vertex_(mesh.points.size(), kUnused) {
