@@ -63,7 +63,7 @@ TEST(ComponentSizes, HoldForEveryComponentOfRandomImages) {
     add_component_sizes(image, sizing, sizes, Execution(2));
     const ComponentMap map = map_components(image, Execution(2));
     for (std::size_t v = 0; v < sizes.size(); ++v) {
-      const ImageComponent& c = map.components[map.of_voxel[v]];
+      const ImageComponent& c = map.components[map.of(static_cast<std::int64_t>(v))];
       const double size = sizes[v];
       EXPECT_EQ(sizes[v], sizes[static_cast<std::size_t>(c.first_voxel)]);
       if (size > 0) {

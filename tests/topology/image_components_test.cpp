@@ -50,6 +50,13 @@ void expect_as_brute_force(const LabelImage<Dim>& image) {
     EXPECT_EQ(found[i].voxels, expected[i].voxels);
     EXPECT_EQ(found[i].first_voxel, expected[i].first_voxel);
   }
+  const ComponentMap map = map_components(image, Execution(3));
+  std::vector<std::int64_t> voxels(map.components.size());
+  for (std::int64_t v = 0; v < image.voxels.size(); ++v) {
+    ASSERT_EQ(map.components[map.of(v)].material, image.voxels[v]);
+    ++voxels[map.of(v)];
+  }
+  for (std::size_t i = 0; i < voxels.size(); ++i) EXPECT_EQ(voxels[i], expected[i].voxels);
 }
 
 TEST(Components, AgreeWithAFloodFill) {

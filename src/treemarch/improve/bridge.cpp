@@ -88,8 +88,7 @@ class Bridger {
     for (int d = 0; d < Dim; ++d)
       voxel[d] =
           std::clamp(static_cast<std::int32_t>(std::floor(centre[d] / image.frame.spacing[d])), 0, image.extent[d] - 1);
-    const bool inside =
-        broken_.map->of_voxel[static_cast<std::size_t>(linear_index(voxel, image.extent))] == component_;
+    const bool inside = broken_.map->of(linear_index(voxel, image.extent)) == component_;
     return inside ? 1 : 4;
   }
 
@@ -152,8 +151,7 @@ int neighbours_within(const BrokenComponents<Dim>& broken, std::int64_t voxel) {
       Coord<Dim> next = c;
       next[d] += step;
       if (next[d] < 0 || next[d] >= extent[d]) continue;
-      const auto at = static_cast<std::size_t>(linear_index(next, extent));
-      count += broken.map->of_voxel[at] == broken.map->of_voxel[static_cast<std::size_t>(voxel)];
+      count += broken.map->of(linear_index(next, extent)) == broken.map->of(voxel);
     }
   return count;
 }
@@ -230,11 +228,11 @@ BrokenComponents<Dim> find_broken(const LabelImage<Dim>& image, const ComponentM
         centres.visit(
             simplex,
             [&](std::int64_t v) {
-              const std::uint32_t c = map.of_voxel[static_cast<std::size_t>(v)];
+              const std::uint32_t c = map.of(v);
               return is_lost(c) || (image.voxels[v] == material && is_split(c));
             },
             [&](std::int64_t v) {
-              const std::uint32_t c = map.of_voxel[static_cast<std::size_t>(v)];
+              const std::uint32_t c = map.of(v);
               if (is_lost(c))
                 lost[static_cast<std::size_t>(task)].push_back({c, v, cell});
               else

@@ -61,7 +61,7 @@ std::vector<Hit> hits_in(const LabelImage<Dim>& image, const ComponentMap& map, 
       centres.visit(
           simplex, [&](std::int64_t v) { return image.voxels[v] == material; },
           [&](std::int64_t v) {
-            hits.push_back({map.of_voxel[static_cast<std::size_t>(v)], depth_in<Dim>(simplex, centre_of(image, v)), v});
+            hits.push_back({map.of(v), depth_in<Dim>(simplex, centre_of(image, v)), v});
           });
     });
   std::ranges::sort(hits, {}, [](const Hit& h) { return std::tuple(h.component, -h.depth, h.voxel); });

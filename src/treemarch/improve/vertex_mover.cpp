@@ -8,8 +8,9 @@
 namespace treemarch {
 namespace {
 
-constexpr double kRise = 0.01;   // degrees: less is no progress
-constexpr double kActive = 1.5;  // degrees above the worst: cells whose gradients count
+constexpr double kRise = 0.01;  // degrees: less is no progress
+// Degrees above the worst: cells whose gradients count. Where no direction suits all of them, fewer are asked.
+constexpr double kActive[] = {1.5, 0.3};
 
 /// The cells around a vertex with their points at hand.
 template <int Dim>
@@ -54,10 +55,10 @@ class StarShape {
       if (!meets(angles(i, x), bound)) return false;
     return true;
   }
-  /// Gradients of the qualities within kActive of the worst.
-  [[nodiscard]] std::vector<Vec<Dim>> active_gradients(const Vec<Dim>& x, double worst) const {
+  /// Gradients of the qualities below a limit.
+  [[nodiscard]] std::vector<Vec<Dim>> gradients_below(double limit, const Vec<Dim>& x) const {
     std::vector<Vec<Dim>> all;
-    const QualityBound active(worst + kActive);
+    const QualityBound active(limit);
     const double step = 1e-4 * shortest_;
     for (std::size_t i = 0; i < corner_.size(); ++i) {
       if (meets(angles(i, x), active)) continue;
@@ -139,7 +140,10 @@ class Search {
   }
 
   bool climb() {
-    auto gradients = shape_.active_gradients(best_, quality_);
+    return std::ranges::any_of(kActive, [&](double active) { return climb(active); });
+  }
+  bool climb(double active) {
+    auto gradients = shape_.gradients_below(quality_ + active, best_);
     for (Vec<Dim>& g : gradients) g = along(g);
     const Vec<Dim> up = nearest_in_hull(gradients);
     const double slope = norm(up);

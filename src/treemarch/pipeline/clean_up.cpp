@@ -38,7 +38,7 @@ std::vector<std::uint8_t> find_holes(const LabelImage<Dim>& image, const Compone
   for (std::size_t c = 0; c < hole.size(); ++c)
     hole[c] = map.components[c].material == background && map.components[c].voxels < most;
   for (std::int64_t v = 0; v < image.voxels.size(); ++v) {
-    std::uint8_t& h = hole[map.of_voxel[static_cast<std::size_t>(v)]];
+    std::uint8_t& h = hole[map.of(v)];
     if (h != 0 && on_side(coord_of(v, image.extent), image.extent)) h = 0;
   }
   return hole;
@@ -56,14 +56,14 @@ std::vector<Face> faces_around(const LabelImage<Dim>& image, const ComponentMap&
                                const std::vector<std::uint8_t>& goes, const std::vector<MaterialId>& material) {
   std::vector<Face> faces;
   for (std::int64_t v = 0; v < image.voxels.size(); ++v) {
-    const std::uint32_t own = map.of_voxel[static_cast<std::size_t>(v)];
+    const std::uint32_t own = map.of(v);
     if (goes[own] == 0) continue;
     const Coord<Dim> c = coord_of(v, image.extent);
     std::int64_t stride = 1;
     for (int d = 0; d < Dim; ++d) {
       for (const int step : {-1, 1}) {
         if (c[d] + step < 0 || c[d] + step >= image.extent[d]) continue;
-        const std::uint32_t other = map.of_voxel[static_cast<std::size_t>(v + step * stride)];
+        const std::uint32_t other = map.of(v + step * stride);
         if (other != own && goes[other] == 0) faces.push_back({own, material[other]});
       }
       stride *= image.extent[d];
@@ -96,7 +96,7 @@ std::vector<std::uint8_t> absorb(LabelImage<Dim>& image, const ComponentMap& map
     }
   }
   for (std::int64_t v = 0; v < image.voxels.size(); ++v) {
-    const std::uint32_t c = map.of_voxel[static_cast<std::size_t>(v)];
+    const std::uint32_t c = map.of(v);
     if (gone[c] != 0) image.voxels.set(v, material[c]);
   }
   return gone;

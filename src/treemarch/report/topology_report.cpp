@@ -71,7 +71,7 @@ void list_contacts(const TopologyInput<Dim>& in, std::span<const ImagePinch> pin
         inside &= voxel[d] >= 0 && voxel[d] < in.image.extent[d];
       }
       if (inside && in.image.material(voxel) == p.material)
-        around.push_back(in.map.of_voxel[static_cast<std::size_t>(linear_index(voxel, in.image.extent))]);
+        around.push_back(in.map.of(linear_index(voxel, in.image.extent)));
     }
     std::ranges::sort(around);
     around.erase(std::ranges::unique(around).begin(), around.end());

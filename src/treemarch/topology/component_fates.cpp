@@ -53,7 +53,7 @@ class Fates {
   [[nodiscard]] std::vector<ComponentFate> take() { return std::move(fates_); }
 
  private:
-  [[nodiscard]] ComponentFate& of(std::int64_t voxel) { return fates_[map_.of_voxel[static_cast<std::size_t>(voxel)]]; }
+  [[nodiscard]] ComponentFate& of(std::int64_t voxel) { return fates_[map_.of(voxel)]; }
 
   const ComponentMap& map_;
   std::vector<ComponentFate> fates_;
@@ -78,8 +78,9 @@ std::vector<ComponentFate> component_fates(const LabelImage<Dim>& image, const C
         centres.visit(
             simplex,
             [&](std::int64_t v) {
+              if (image.voxels[v] != material) return false;
               if (component == ComponentFate::kNone) component = components.of(b, c);
-              return !fates.covers(v, component) && image.voxels[v] == material;
+              return !fates.covers(v, component);
             },
             [&](std::int64_t v) { fates.widen(v, material, component); });
       });

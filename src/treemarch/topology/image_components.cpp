@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <limits>
 #include <span>
+#include <utility>
 
 #include "treemarch/core/error.h"
 #include "treemarch/core/parallel.h"
@@ -113,18 +114,14 @@ std::vector<ImageComponent> image_components(const LabelImage<Dim>& image, const
 
 template <int Dim>
 ComponentMap map_components(const LabelImage<Dim>& image, const Execution& execution) {
-  const JoinedRuns joined = join_runs(image, execution);
-  const std::int64_t width = image.extent[0];
+  JoinedRuns joined = join_runs(image, execution);
   std::vector<std::uint32_t> component_of;
   ComponentMap map;
-  map.components = list_components(joined, width, component_of);
-  map.of_voxel.resize(static_cast<std::size_t>(product(image.extent)));
-  parallel_for(execution, std::ssize(joined.row_begin) - 1, kRowsPerTask, [&](std::int64_t row) {
-    const auto begin = map.of_voxel.begin() + row * width;
-    const auto here = static_cast<std::size_t>(row);
-    for (std::size_t r = joined.row_begin[here]; r < joined.row_begin[here + 1]; ++r)
-      std::fill(begin + joined.runs[r].begin, begin + joined.runs[r].end, component_of[r]);
-  });
+  map.width = image.extent[0];
+  map.components = list_components(joined, map.width, component_of);
+  map.runs.reserve(joined.runs.size());
+  for (std::size_t r = 0; r < joined.runs.size(); ++r) map.runs.push_back({joined.runs[r].begin, component_of[r]});
+  map.row_begin = std::move(joined.row_begin);
   return map;
 }
 

@@ -2,7 +2,9 @@
 /// Connected components of the materials of an image.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <iterator>
 #include <vector>
 
 #include "treemarch/core/execution.h"
@@ -22,10 +24,28 @@ struct ImageComponent {
 template <int Dim>
 std::vector<ImageComponent> image_components(const LabelImage<Dim>& image, const Execution& execution);
 
-/// The same, and the component of each voxel as an index into them.
+/// The same, and the component of each voxel as an index into them. Kept as runs: far less memory than a number a
+/// voxel.
 struct ComponentMap {
+  /// A stretch of one component along the first axis, up to the next.
+  struct Run {
+    std::int32_t begin;
+    std::uint32_t component;
+  };
   std::vector<ImageComponent> components;
-  std::vector<std::uint32_t> of_voxel;
+  std::int64_t width = 0;              ///< voxels along the first axis
+  std::vector<Run> runs;               ///< in scan order
+  std::vector<std::size_t> row_begin;  ///< first run of each row, and the end
+
+  /// \param voxel its linear index in the image
+  [[nodiscard]] std::uint32_t of(std::int64_t voxel) const {
+    const auto row = static_cast<std::size_t>(voxel / width);
+    const auto x = static_cast<std::int32_t>(voxel % width);
+    const auto first = runs.begin() + static_cast<std::ptrdiff_t>(row_begin[row]);
+    const auto last = runs.begin() + static_cast<std::ptrdiff_t>(row_begin[row + 1]);
+    return std::prev(std::upper_bound(first, last, x, [](std::int32_t at, const Run& r) { return at < r.begin; }))
+        ->component;
+  }
 };
 
 template <int Dim>
