@@ -1,6 +1,8 @@
 #include "treemarch/improve/neighbourhood.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
 
 #include "treemarch/core/parallel.h"
@@ -9,6 +11,7 @@ namespace treemarch {
 namespace {
 
 constexpr std::int64_t kPerTask = 1 << 14;
+constexpr std::int32_t kStepsPerBox = 3;
 
 template <int Dim>
 struct Box {
@@ -49,18 +52,30 @@ void mark_near(const Mesh<Dim>& mesh, std::span<const Reach> cells, const LabelI
           static_cast<std::int32_t>(std::clamp(std::floor(x[d] / image.frame.spacing[d]), 0.0, image.extent[d] - 1.0));
     return c;
   };
-  Marks near(static_cast<std::size_t>(product(image.extent)));
+  // Their corners are rounded outwards to a coarse raster, so that those of neighbouring cells are mostly the same.
+  std::vector<std::array<Coord<Dim>, 2>> boxes;
   for (const Reach& reach : cells) {
     const Box<Dim> box = box_around(mesh, reach.cell, reach.lengths);
-    const Coord<Dim> begin = voxel_at(box.low), last = voxel_at(box.high);
+    Coord<Dim> begin = voxel_at(box.low), last = voxel_at(box.high);
+    for (int d = 0; d < Dim; ++d) {
+      const auto step = static_cast<std::int32_t>(
+          std::bit_floor(static_cast<std::uint32_t>(std::max(1, (last[d] - begin[d]) / kStepsPerBox))));
+      begin[d] -= begin[d] % step;
+      last[d] = std::min(last[d] - last[d] % step + step, image.extent[d]) - 1;
+    }
+    boxes.push_back({begin, last});
+  }
+  std::ranges::sort(boxes);
+  boxes.erase(std::unique(boxes.begin(), boxes.end()), boxes.end());
+  Marks near(static_cast<std::size_t>(product(image.extent)));
+  for (const auto& [begin, last] : boxes) {
     Coord<Dim> count;
     for (int d = 0; d < Dim; ++d) count[d] = last[d] - begin[d] + 1;
     const std::int64_t rows = product(count) / count[0];
     for (std::int64_t row = 0; row < rows; ++row) {
       Coord<Dim> c = coord_of(row * count[0], count);
       for (int d = 0; d < Dim; ++d) c[d] += begin[d];
-      const auto first = static_cast<std::size_t>(linear_index(c, image.extent));
-      for (std::size_t i = 0; i < static_cast<std::size_t>(count[0]); ++i) near.mark(first + i);
+      near.mark_run(static_cast<std::size_t>(linear_index(c, image.extent)), static_cast<std::size_t>(count[0]));
     }
   }
   parallel_for(execution, std::ssize(mesh.points), kPerTask, [&](std::int64_t v) {

@@ -2,6 +2,7 @@
 /// Vertices near chosen ones.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <bit>
 #include <cstdint>
@@ -26,6 +27,14 @@ class Marks {
     const std::atomic_ref word(words_[v / 64]);
     const std::uint64_t bit = std::uint64_t{1} << v % 64;
     if ((word.load(std::memory_order_relaxed) & bit) == 0) word.fetch_or(bit, std::memory_order_relaxed);
+  }
+  /// Marks `count` places from `first` on, by words. Not from several threads.
+  void mark_run(std::size_t first, std::size_t count) {
+    for (const std::size_t end = first + count; first < end;) {
+      const std::size_t bits = std::min(64 - first % 64, end - first);
+      words_[first / 64] |= (~std::uint64_t{0} >> (64 - bits)) << first % 64;
+      first += bits;
+    }
   }
   /// All, ascending.
   [[nodiscard]] std::vector<VertexId> vertices() const {

@@ -16,7 +16,7 @@ namespace {
 
 // In lengths of the longest edge of a cell.
 constexpr double kReachOfPinches = 2;  // a move at a vertex changes the links one ring further
-constexpr double kReachOfParts = 8;    // the widest gap that is bridged
+constexpr double kReachOfParts = 4;    // the widest gap that is bridged
 
 template <int Dim>
 class Repairer {
@@ -72,7 +72,12 @@ class Repairer {
   std::vector<VertexId> around(const BrokenComponents<Dim>& broken, const std::vector<Stray>& strays,
                                const MeshComponents<Dim>& components, const Marks& at_pinch) const {
     std::vector<Reach> cells;
-    for (const CellId c : broken.cells) cells.push_back({c, kReachOfParts});
+    for (const CellId c : broken.cells) {
+      const auto v = mesh_.blocks[0].cell(c);
+      // Ways to other parts begin at a border.
+      if (!std::all_of(v, v + Dim + 1, [&](VertexId x) { return components.is_inner(x); }))
+        cells.push_back({c, kReachOfParts});
+    }
     for (const Stray& s : strays)
       for (const CellId c : s.cells) cells.push_back({c, kReachOfPinches});
     for (const BorderFacet& facet : components.facets()) {
