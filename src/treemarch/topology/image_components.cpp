@@ -60,7 +60,9 @@ template <int Dim>
 JoinedRuns join_runs(const LabelImage<Dim>& image, const Execution& execution) {
   const std::int64_t width = image.extent[0], rows = width ? product(image.extent) / width : 0;
   JoinedRuns joined;
-  auto& [runs, row_begin, sets] = joined;
+  std::vector<Run>& runs = joined.runs;
+  std::vector<std::size_t>& row_begin = joined.row_begin;
+  SharedDisjointSets& sets = joined.sets;
   row_begin.assign(static_cast<std::size_t>(rows) + 1, 0);
   for_each_run(image, execution, [&](std::int64_t row, const Run&) { ++row_begin[static_cast<std::size_t>(row)]; });
   runs.resize(exclusive_scan(std::span(row_begin)));
