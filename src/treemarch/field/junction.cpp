@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include "treemarch/core/solve.h"
+
 namespace treemarch {
 namespace {
 
@@ -19,22 +21,6 @@ Weights weights_at(const Field<Dim>& field, const Vec<Dim>& x, std::span<const M
     for (int i = 0; i < count; ++i)
       if (found[i].material == labels[k]) w[k] = found[i].weight;
   return w;
-}
-
-/// Solves the symmetric positive definite system m y = r in place, by elimination without pivots.
-template <int Dim>
-Vec<Dim> solve(std::array<Vec<Dim>, Dim> m, Vec<Dim> r) {
-  for (int i = 0; i < Dim; ++i)
-    for (int j = i + 1; j < Dim; ++j) {
-      const double f = m[j][i] / m[i][i];
-      for (int k = i; k < Dim; ++k) m[j][k] -= f * m[i][k];
-      r[j] -= f * r[i];
-    }
-  for (int i = Dim; i-- > 0;) {
-    for (int k = i + 1; k < Dim; ++k) r[i] -= m[i][k] * r[k];
-    r[i] /= m[i][i];
-  }
-  return r;
 }
 
 }  // namespace
@@ -109,7 +95,7 @@ Vec<Dim> move_to_junction(const Field<Dim>& field, Vec<Dim> x, std::span<const M
       }
     if (trace < 1e-6) break;
     for (int i = 0; i < Dim; ++i) normal[i][i] += 1e-3 * trace;
-    const Vec<Dim> move = solve<Dim>(normal, right);
+    const Vec<Dim> move = solve_definite<Dim>(normal, right);
     const double length = norm(move), scale = length > 0.5 ? 0.5 / length : 1;
     for (int d = 0; d < Dim; ++d)
       if (!(fixed_axes >> d & 1)) x[d] += scale * move[d] * voxel[d];

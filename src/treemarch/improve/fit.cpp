@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "treemarch/core/parallel.h"
+#include "treemarch/core/solve.h"
 #include "treemarch/improve/patch.h"
 #include "treemarch/improve/stratum.h"
 #include "treemarch/improve/sweep.h"
@@ -59,22 +60,6 @@ std::vector<std::array<double, Dim>> make_samples(int n) {
         }
   }
   return all;
-}
-
-/// Solves a symmetric, positive definite system.
-template <int Dim>
-Vec<Dim> solve(std::array<std::array<double, Dim>, Dim> a, Vec<Dim> b) {
-  for (int i = 0; i < Dim; ++i)
-    for (int r = i + 1; r < Dim; ++r) {
-      const double q = a[r][i] / a[i][i];
-      for (int c = i; c < Dim; ++c) a[r][c] -= q * a[i][c];
-      b[r] -= q * b[i];
-    }
-  for (int i = Dim; i-- > 0;) {
-    for (int c = i + 1; c < Dim; ++c) b[i] -= a[i][c] * b[c];
-    b[i] /= a[i][i];
-  }
-  return b;
 }
 
 template <int Dim>
@@ -374,7 +359,7 @@ bool Fitter<Dim>::is_good(const Patch<Dim>& patch, VertexId v, const Vec<Dim>& x
 /// The move that fits the facets around a vertex best while its neighbours stay.
 template <int Dim>
 Vec<Dim> Fitter<Dim>::wish_of(const Patch<Dim>& patch, VertexId v) const {
-  std::array<std::array<double, Dim>, Dim> matrix{};
+  std::array<Vec<Dim>, Dim> matrix{};
   Vec<Dim> wish{};
   const std::int64_t slot = patch.slot(v);
   for (std::int64_t i = first_link_[slot]; i < first_link_[slot + 1]; ++i) {
@@ -398,7 +383,7 @@ Vec<Dim> Fitter<Dim>::wish_of(const Patch<Dim>& patch, VertexId v) const {
     matrix[a][a] = 1;
     wish[a] = 0;
   }
-  return solve<Dim>(matrix, wish);
+  return solve_definite<Dim>(matrix, wish);
 }
 
 /// Vertices that want to move.
