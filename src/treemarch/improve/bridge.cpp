@@ -81,8 +81,7 @@ class Bridger {
   }
   [[nodiscard]] std::int64_t cost_of(CellId c) const {
     if (patch_.material(c) == material_) return group_of(c) == kNoGroup ? 2 : 0;
-    Vec<Dim> centre{};
-    for (const VertexId v : patch_.cell(c)) centre = centre + (1.0 / (Dim + 1)) * patch_.point(v);
+    const Vec<Dim> centre = patch_.centroid(c);
     Coord<Dim> voxel{};
     const LabelImage<Dim>& image = *broken_.image;
     for (int d = 0; d < Dim; ++d)

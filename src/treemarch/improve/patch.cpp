@@ -4,6 +4,7 @@
 #include <atomic>
 
 #include "treemarch/core/parallel.h"
+#include "treemarch/improve/marks.h"
 #include "treemarch/topology/simplices.h"
 
 namespace treemarch {
@@ -28,17 +29,13 @@ Patch<Dim>::Patch(Mesh<Dim>& mesh, std::vector<VertexId> chosen, const Execution
 template <int Dim>
 void Patch<Dim>::collect(const Execution& execution) {
   const std::int64_t cells = block_.size();
-  // One bit a vertex stays in the cache, where the slots would not.
-  std::vector<std::uint64_t> bits(slot_.size() / 64 + 1, 0);
-  for (const VertexId v : chosen_) bits[v / 64] |= std::uint64_t{1} << v % 64;
+  Marks marked(slot_.size());
+  for (const VertexId v : chosen_) marked.mark(v);
   const auto touched = [&](std::int64_t c) {
     if (!alive(static_cast<CellId>(c))) return false;
-    std::uint64_t any = 0;
-    for (int k = 0; k <= Dim; ++k) {
-      const VertexId v = block_.vertices[c * (Dim + 1) + k];
-      any |= bits[v / 64] >> v % 64;
-    }
-    return (any & 1) != 0;
+    bool any = false;
+    for (int k = 0; k <= Dim; ++k) any |= marked[block_.vertices[c * (Dim + 1) + k]];
+    return any;
   };
   // The cells that are part of a star, per block of cells.
   std::vector<std::vector<CellId>> found(static_cast<std::size_t>(block_count(cells, kBlock)));

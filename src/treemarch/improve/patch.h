@@ -63,6 +63,11 @@ class Patch {
   [[nodiscard]] bool fixed(VertexId v) const { return v < fixed_.size() && fixed_[v] != 0; }
   [[nodiscard]] bool alive(CellId c) const { return block_.vertices[std::size_t{c} * (Dim + 1)] != kNoVertex; }
   [[nodiscard]] const Vec<Dim>& point(VertexId v) const { return mesh_.points[v]; }
+  [[nodiscard]] Vec<Dim> centroid(CellId c) const {
+    Vec<Dim> x{};
+    for (const VertexId v : cell(c)) x = x + (1.0 / (Dim + 1)) * mesh_.points[v];
+    return x;
+  }
   [[nodiscard]] AngleRange angles(const SimplexVertices<Dim>& v) const {
     std::array<Vec<Dim>, Dim + 1> p;
     for (int k = 0; k <= Dim; ++k) p[k] = mesh_.points[v[k]];

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "treemarch/improve/bridge.h"
+#include "treemarch/improve/marks.h"
 #include "treemarch/improve/neighbourhood.h"
 #include "treemarch/improve/patch.h"
 #include "treemarch/improve/strays.h"

@@ -1,13 +1,12 @@
 #include "treemarch/improve/strays.h"
 
 #include <algorithm>
-#include <array>
 #include <span>
 #include <tuple>
 #include <utility>
 
 #include "treemarch/core/parallel.h"
-#include "treemarch/improve/neighbourhood.h"
+#include "treemarch/improve/marks.h"
 #include "treemarch/topology/simplices.h"
 #include "treemarch/topology/voxel_centres.h"
 
@@ -15,23 +14,6 @@ namespace treemarch {
 namespace {
 
 constexpr std::int64_t kCellsPerTask = 1 << 14;
-
-/// The smallest barycentric coordinate of a point: how deep it lies in a simplex.
-template <int Dim>
-double depth_in(const Simplex<Dim>& simplex, const Vec<Dim>& x) {
-  const auto volume = [](const Simplex<Dim>& s) {
-    std::array<Vec<Dim>, Dim> edges;
-    for (int i = 0; i < Dim; ++i) edges[i] = s[i + 1] - s[0];
-    return determinant<Dim>(edges);
-  };
-  double depth = 1;
-  for (int i = 0; i <= Dim; ++i) {
-    Simplex<Dim> s = simplex;
-    s[i] = x;
-    depth = std::min(depth, volume(s) / volume(simplex));
-  }
-  return depth;
-}
 
 template <int Dim>
 Vec<Dim> centre_of(const LabelImage<Dim>& image, std::int64_t voxel) {
@@ -58,10 +40,11 @@ std::vector<Hit> hits_in(const LabelImage<Dim>& image, const ComponentMap& map, 
   std::vector<Hit> hits;
   for (const CellId c : cells)
     for_each_simplex(mesh, block, c, [&](const Simplex<Dim>& simplex) {
+      const Barycentric<Dim> barycentric(simplex);
       centres.visit(
           simplex, [&](std::int64_t v) { return image.voxels[v] == material; },
           [&](std::int64_t v) {
-            hits.push_back({map.of(v), depth_in<Dim>(simplex, centre_of(image, v)), v});
+            hits.push_back({map.of(v), barycentric.depth(centre_of(image, v)), v});
           });
     });
   std::ranges::sort(hits, {}, [](const Hit& h) { return std::tuple(h.component, -h.depth, h.voxel); });

@@ -59,7 +59,7 @@ bool keeps_connection(const Patch<Dim>& patch, std::span<const CellId> cells) {
     for (const CellId c : patch.star(v))
       if (patch.material(c) == from && std::ranges::find(cells, c) == cells.end()) left.push_back(c);
   std::ranges::sort(left);
-  left.erase(std::ranges::unique(left).begin(), left.end());
+  left.erase(std::unique(left.begin(), left.end()), left.end());
   std::vector<std::size_t> parent(left.size());
   std::iota(parent.begin(), parent.end(), 0U);
   const auto root = [&](std::size_t i) {
@@ -102,8 +102,7 @@ int Unpincher<Dim>::excess_around(std::span<const VertexId> vertices) {
 
 template <int Dim>
 MaterialId Unpincher<Dim>::image_material(CellId c) const {
-  Vec<Dim> centre{};
-  for (const VertexId v : patch_.cell(c)) centre = centre + (1.0 / (Dim + 1)) * patch_.point(v);
+  const Vec<Dim> centre = patch_.centroid(c);
   Coord<Dim> voxel{};
   for (int d = 0; d < Dim; ++d)
     voxel[d] =
@@ -180,7 +179,7 @@ void Unpincher<Dim>::propose_parts() {
         if (next >= 0 && part_[next] != p) others.push_back(patch_.material(star_[next]));
     }
     std::ranges::sort(others);
-    others.erase(std::ranges::unique(others).begin(), others.end());
+    others.erase(std::unique(others.begin(), others.end()), others.end());
     for (const MaterialId to : others) propose(cells, to);
   }
 }
@@ -205,7 +204,7 @@ void Unpincher<Dim>::propose_along_edges(VertexId v) {
           if (next >= 0 && part_[next] != p) others.push_back(patch_.material(star_[next]));
       }
       std::ranges::sort(others);
-      others.erase(std::ranges::unique(others).begin(), others.end());
+      others.erase(std::unique(others.begin(), others.end()), others.end());
       for (const MaterialId to : others) propose(cells, to);
     }
   }
@@ -218,7 +217,7 @@ void Unpincher<Dim>::propose_cells() {
     for (const int next : beside_[i])
       if (next >= 0 && part_[next] != part_[i]) others.push_back(patch_.material(star_[next]));
     std::ranges::sort(others);
-    others.erase(std::ranges::unique(others).begin(), others.end());
+    others.erase(std::unique(others.begin(), others.end()), others.end());
     for (const MaterialId to : others) propose(std::span(&star_[i], 1), to);
   }
 }
@@ -266,7 +265,7 @@ void Unpincher<Dim>::run(std::vector<VertexId> vertices) {
     }
     left.insert(left.end(), pinched_.begin(), pinched_.end());
     std::ranges::sort(left);
-    left.erase(std::ranges::unique(left).begin(), left.end());
+    left.erase(std::unique(left.begin(), left.end()), left.end());
     vertices = std::move(left);
     if (!any) break;
   }

@@ -2,6 +2,7 @@
 /// Cells as simplices, for measuring. A cell with curved faces is measured as its split.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 
@@ -23,12 +24,15 @@ class Barycentric {
   [[nodiscard]] bool is_valid() const { return volume_ != 0; }
   /// Whether all barycentric coordinates are at least -tolerance. \pre is_valid()
   [[nodiscard]] bool contains(const Vec<Dim>& x, double tolerance) const {
-    for (int i = 0; i <= Dim; ++i) {
-      Simplex<Dim> s = simplex_;
-      s[i] = x;
-      if (volume(s) / volume_ < -tolerance) return false;
-    }
+    for (int i = 0; i <= Dim; ++i)
+      if (coordinate(x, i) < -tolerance) return false;
     return true;
+  }
+  /// The smallest barycentric coordinate: how deep a point lies in the simplex. \pre is_valid()
+  [[nodiscard]] double depth(const Vec<Dim>& x) const {
+    double least = coordinate(x, 0);
+    for (int i = 1; i <= Dim; ++i) least = std::min(least, coordinate(x, i));
+    return least;
   }
 
  private:
@@ -36,6 +40,11 @@ class Barycentric {
     std::array<Vec<Dim>, Dim> edges;
     for (int i = 0; i < Dim; ++i) edges[i] = s[i + 1] - s[0];
     return determinant<Dim>(edges);
+  }
+  [[nodiscard]] double coordinate(const Vec<Dim>& x, int corner) const {
+    Simplex<Dim> s = simplex_;
+    s[corner] = x;
+    return volume(s) / volume_;
   }
   Simplex<Dim> simplex_;
   double volume_;
