@@ -2,12 +2,12 @@
 /// Finds the vertices that the cut had to leave beside their interface.
 #pragma once
 
-#include <atomic>
 #include <cstdint>
 #include <vector>
 
 #include "treemarch/core/execution.h"
 #include "treemarch/field/field.h"
+#include "treemarch/mesh/material_mark.h"
 #include "treemarch/mesh/mesh.h"
 
 namespace treemarch {
@@ -16,18 +16,12 @@ namespace treemarch {
 /// result does not depend on their order.
 class MaterialsAround {
  public:
-  explicit MaterialsAround(std::size_t vertices) : material_(vertices, kNone) {}
-  void add(VertexId v, MaterialId m) {
-    const std::atomic_ref<MaterialId> at(material_[v]);
-    MaterialId seen = at.load(std::memory_order_relaxed);
-    while (seen != m && seen != kSeveral)
-      if (at.compare_exchange_weak(seen, seen == kNone ? m : kSeveral, std::memory_order_relaxed)) break;
-  }
+  explicit MaterialsAround(std::size_t vertices) : material_(vertices, kOutside) {}
+  void add(VertexId v, MaterialId m) { note_material(material_[v], m); }
   [[nodiscard]] bool several(VertexId v) const { return material_[v] == kSeveral; }
   [[nodiscard]] std::int64_t size() const { return static_cast<std::int64_t>(material_.size()); }
 
  private:
-  static constexpr MaterialId kNone = kOutside, kSeveral = kOutside - 1;
   std::vector<MaterialId> material_;
 };
 

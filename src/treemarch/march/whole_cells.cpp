@@ -12,6 +12,7 @@
 #include "treemarch/core/parallel.h"
 #include "treemarch/march/band.h"
 #include "treemarch/mesh/cell_topology.h"
+#include "treemarch/mesh/material_mark.h"
 #include "treemarch/mesh/quality.h"
 #include "treemarch/mesh/simplex_quality.h"
 
@@ -19,7 +20,6 @@ namespace treemarch {
 namespace {
 
 constexpr std::int64_t kGrain = 1 << 14;  // cells
-constexpr MaterialId kSeveral = kOutside - 1;
 constexpr CellType kBoxTypes[] = {CellType::line, CellType::line, CellType::quad, CellType::hexahedron};
 
 template <int Dim>
@@ -69,8 +69,6 @@ class WholeCells {
   template <std::size_t N>
   [[nodiscard]] bool is_good(CellType type, const std::array<VertexId, N>& cell) const;
   [[nodiscard]] std::array<Pyramid, 2> pyramids(const Star& star, int face) const;
-  void open(LeafId leaf) { std::atomic_ref(box_[leaf]).store(kSeveral, std::memory_order_relaxed); }
-  void merge(LeafId leaf, MaterialId material);
   void find_opened(LeafId leaf);
   void check_box(LeafId leaf);
   [[nodiscard]] bool is_box(LeafId leaf) const { return box_[leaf] != kSeveral; }
@@ -232,15 +230,6 @@ void WholeCells<Dim>::find_whole_faces(LeafId leaf) {
   for (int i = 0; i < total; ++i) gone_[found[i]] = 1;
 }
 
-template <int Dim>
-void WholeCells<Dim>::merge(LeafId leaf, MaterialId material) {
-  const std::atomic_ref<MaterialId> at(box_[leaf]);
-  MaterialId seen = at.load(std::memory_order_relaxed);
-  while (seen != material && seen != kSeveral &&
-         !at.compare_exchange_weak(seen, seen == kOutside ? material : kSeveral, std::memory_order_relaxed)) {
-  }
-}
-
 /// Leaves whose faces are not all whole and of one material are no boxes.
 template <int Dim>
 void WholeCells<Dim>::find_opened(LeafId leaf) {
@@ -248,11 +237,11 @@ void WholeCells<Dim>::find_opened(LeafId leaf) {
   for (int face = 0; face < Star::kFaces; ++face) {
     if (Dim == 3 && star.across[face] == Star::kNone) continue;
     const MaterialId material = faces_[leaf][face] == kOutside ? kSeveral : faces_[leaf][face];
-    merge(leaf, material);
+    note_material(box_[leaf], material);
     if constexpr (Dim == 3) {
       if (on_hull(star, face)) continue;
       const bool larger = (star.split >> face & 1) != 0;  // has smaller ones beside it
-      merge(leaf_of_[star.across[face]], larger ? kSeveral : material);
+      note_material(box_[leaf_of_[star.across[face]]], larger ? kSeveral : material);
     }
   }
 }

@@ -23,9 +23,10 @@ struct FacetSide {
 
 /// Which facets are wanted.
 struct FacetFilter {
-  std::span<const std::uint8_t>
-      among;                    ///< if not empty, one a point: those whose vertices all have another value than 0
-  std::int64_t first_cell = 0;  ///< of block 0: cells before it count for nothing
+  /// If not empty, one a point: those whose vertices all have another value than 0.
+  std::span<const std::uint8_t> among;
+  /// Of block 0: cells before it count for nothing.
+  std::int64_t first_cell = 0;
 };
 
 /// Visits every facet of a mesh once, with the cells that have it (1 on the hull, 2 inside, more where the mesh is

@@ -82,6 +82,12 @@ std::string xdmf_text(const MeshSource& mesh, const std::string& arrays);
 /// The name of the arrays' file that goes with an .xdmf.
 std::string xdmf_arrays_path(const std::string& path);
 
+/// Appends the bytes of a number.
+template <class T>
+void append_bytes(std::string& out, T value) {
+  out.append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
 /// Appends the shortest text that reads back as the same number.
 void append_number(std::string& text, double value);
 void append_number(std::string& text, std::int64_t value);

@@ -17,11 +17,6 @@ constexpr std::int32_t msh_type(CellType type) {
   return kTypes[static_cast<int>(type)];
 }
 
-template <class T>
-void append(std::string& out, T value) {
-  out.append(reinterpret_cast<const char*>(&value), sizeof value);
-}
-
 /// The cells of one block and group: what an element block of the format holds.
 struct Run {
   std::size_t block;
@@ -95,7 +90,7 @@ std::array<double, 6> bounds_of(const MeshSource& mesh, const Execution& executi
 void write_head(const MeshSource& mesh, const std::vector<std::int32_t>& tags, OutputFile& file,
                 const Execution& execution) {
   std::string out = "$MeshFormat\n4.1 1 8\n";
-  append(out, std::int32_t{1});
+  append_bytes(out, std::int32_t{1});
   out += "\n$EndMeshFormat\n$Comments\n" + describe_frame(mesh, "") + "$EndComments\n";
 
   out += "$PhysicalNames\n" + std::to_string(mesh.groups.size()) + "\n";
@@ -107,13 +102,13 @@ void write_head(const MeshSource& mesh, const std::vector<std::int32_t>& tags, O
   out += "$EndPhysicalNames\n$Entities\n";
 
   const std::array<double, 6> bounds = bounds_of(mesh, execution);
-  for (int d = 0; d < 4; ++d) append(out, std::uint64_t{d == mesh.cell_dimension ? mesh.groups.size() : 0});
+  for (int d = 0; d < 4; ++d) append_bytes(out, std::uint64_t{d == mesh.cell_dimension ? mesh.groups.size() : 0});
   for (std::size_t g = 0; g < mesh.groups.size(); ++g) {
-    append(out, static_cast<std::int32_t>(g + 1));
-    for (const double x : bounds) append(out, x);
-    append(out, std::uint64_t{1});
-    append(out, tags[g]);
-    append(out, std::uint64_t{0});  // bounding entities are not listed
+    append_bytes(out, static_cast<std::int32_t>(g + 1));
+    for (const double x : bounds) append_bytes(out, x);
+    append_bytes(out, std::uint64_t{1});
+    append_bytes(out, tags[g]);
+    append_bytes(out, std::uint64_t{0});  // bounding entities are not listed
   }
   file.write(out + "\n$EndEntities\n");
 }
@@ -121,13 +116,13 @@ void write_head(const MeshSource& mesh, const std::vector<std::int32_t>& tags, O
 void write_nodes(const MeshSource& mesh, OutputFile& file, const Execution& execution) {
   const auto count = static_cast<std::uint64_t>(mesh.point_count);
   std::string out = "$Nodes\n";
-  for (const std::uint64_t n : {std::uint64_t{1}, count, std::uint64_t{1}, count}) append(out, n);
+  for (const std::uint64_t n : {std::uint64_t{1}, count, std::uint64_t{1}, count}) append_bytes(out, n);
   // All belong to the first entity: which one does not matter to any reader, that it exists does.
-  for (const std::int32_t n : {mesh.cell_dimension, 1, 0}) append(out, n);
-  append(out, count);
+  for (const std::int32_t n : {mesh.cell_dimension, 1, 0}) append_bytes(out, n);
+  append_bytes(out, count);
   file.write(out);
   write_chunks(file, execution, mesh.point_count, kChunk, [](std::int64_t begin, std::int64_t end, std::string& to) {
-    for (std::int64_t i = begin; i < end; ++i) append(to, static_cast<std::uint64_t>(i + 1));
+    for (std::int64_t i = begin; i < end; ++i) append_bytes(to, static_cast<std::uint64_t>(i + 1));
   });
   write_chunks(file, execution, mesh.point_count, kChunk, [&](std::int64_t begin, std::int64_t end, std::string& to) {
     std::vector<double> xyz(static_cast<std::size_t>(3 * (end - begin)));
@@ -140,7 +135,7 @@ void write_nodes(const MeshSource& mesh, OutputFile& file, const Execution& exec
 void write_elements(const MeshSource& mesh, const Order& order, OutputFile& file, const Execution& execution) {
   const auto count = static_cast<std::uint64_t>(mesh.cell_count());
   std::string out = "$Elements\n";
-  for (const std::uint64_t n : {std::uint64_t{order.runs.size()}, count, std::uint64_t{1}, count}) append(out, n);
+  for (const std::uint64_t n : {std::uint64_t{order.runs.size()}, count, std::uint64_t{1}, count}) append_bytes(out, n);
   file.write(out);
   std::uint64_t tag = 1;
   for (const Run& run : order.runs) {
@@ -149,18 +144,18 @@ void write_elements(const MeshSource& mesh, const Order& order, OutputFile& file
     const auto& mirrored = mirrored_order(block.type);
     out.clear();
     for (const std::int32_t n : {mesh.cell_dimension, static_cast<std::int32_t>(run.group + 1), msh_type(block.type)})
-      append(out, n);
-    append(out, static_cast<std::uint64_t>(run.end - run.begin));
+      append_bytes(out, n);
+    append_bytes(out, static_cast<std::uint64_t>(run.end - run.begin));
     file.write(out);
     write_chunks(file, execution, run.end - run.begin, kChunk,
                  [&](std::int64_t begin, std::int64_t end, std::string& to) {
                    to.reserve(static_cast<std::size_t>(end - begin) * 8 * (1 + static_cast<std::size_t>(corners)));
                    for (std::int64_t i = begin; i < end; ++i) {
-                     append(to, tag + static_cast<std::uint64_t>(i));
+                     append_bytes(to, tag + static_cast<std::uint64_t>(i));
                      const std::int64_t c = order.cells[run.block][run.begin + i];
                      const VertexId* v = block.vertices + c * corners;
                      for (int k = 0; k < corners; ++k)
-                       append(to, std::uint64_t{v[mesh.mirrored ? mirrored[k] : k]} + 1);
+                       append_bytes(to, std::uint64_t{v[mesh.mirrored ? mirrored[k] : k]} + 1);
                    }
                  });
     tag += static_cast<std::uint64_t>(run.end - run.begin);
@@ -187,8 +182,8 @@ void write_cell_values(const MeshSource& mesh, const Order& order, const std::st
       write_chunks(file, execution, run.end - run.begin, kChunk,
                    [&](std::int64_t begin, std::int64_t end, std::string& to) {
                      for (std::int64_t i = begin; i < end; ++i) {
-                       append(to, tag + static_cast<std::int32_t>(i));
-                       append(to, double{value(run.block, order.cells[run.block][run.begin + i], run.group)});
+                       append_bytes(to, tag + static_cast<std::int32_t>(i));
+                       append_bytes(to, double{value(run.block, order.cells[run.block][run.begin + i], run.group)});
                      }
                    });
       tag += static_cast<std::int32_t>(run.end - run.begin);
@@ -212,8 +207,8 @@ void write_extras(const MeshSource& mesh, const Order& order, OutputFile& file, 
       write_chunks(file, execution, mesh.point_count, kChunk,
                    [&](std::int64_t begin, std::int64_t end, std::string& to) {
                      for (std::int64_t i = begin; i < end; ++i) {
-                       append(to, static_cast<std::int32_t>(i + 1));
-                       append(to, static_cast<double>(array.values[i]));
+                       append_bytes(to, static_cast<std::int32_t>(i + 1));
+                       append_bytes(to, static_cast<double>(array.values[i]));
                      }
                    });
     });

@@ -37,11 +37,6 @@ Triangles triangles_of(const MeshSource& mesh, const char* format) {
   return result;
 }
 
-template <class T>
-void append(std::string& out, T value) {
-  out.append(reinterpret_cast<const char*>(&value), sizeof value);
-}
-
 }  // namespace
 
 void write_stl(const MeshSource& mesh, OutputFile& file, const Execution& execution) {
@@ -98,10 +93,10 @@ void write_ply(const MeshSource& mesh, OutputFile& file, const Execution& execut
   write_chunks(file, execution, std::ssize(all.vertices), kChunk,
                [&](std::int64_t begin, std::int64_t end, std::string& to) {
                  for (std::int64_t t = begin; t < end; ++t) {
-                   append(to, std::uint8_t{3});
-                   for (const VertexId v : all.vertices[static_cast<std::size_t>(t)]) append(to, v);
+                   append_bytes(to, std::uint8_t{3});
+                   for (const VertexId v : all.vertices[static_cast<std::size_t>(t)]) append_bytes(to, v);
                    for (const std::int32_t label : mesh.groups[all.groups[static_cast<std::size_t>(t)]].values)
-                     append(to, label);
+                     append_bytes(to, label);
                  }
                });
 }

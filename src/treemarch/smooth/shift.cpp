@@ -12,6 +12,7 @@
 #include "treemarch/core/parallel.h"
 #include "treemarch/field/junction.h"
 #include "treemarch/mesh/cell_topology.h"
+#include "treemarch/mesh/material_mark.h"
 
 namespace treemarch {
 namespace {
@@ -99,19 +100,11 @@ class Shifter {
 /// Numbers the vertices that have cells of several materials.
 template <int Dim>
 void Shifter<Dim>::find_interface() {
-  constexpr MaterialId kSeveral = kOutside - 1;
   std::vector<MaterialId> around(mesh_.points.size(), kOutside);
   for (const CellBlock& block : mesh_.blocks) {
     const int corners = vertex_count(block.type);
     parallel_for(execution_, block.size(), kGrain, [&](std::int64_t c) {
-      const MaterialId m = block.materials[c];
-      for (int k = 0; k < corners; ++k) {
-        const std::atomic_ref<MaterialId> at(around[block.cell(c)[k]]);
-        MaterialId seen = at.load(std::memory_order_relaxed);
-        while (seen != m && seen != kSeveral &&
-               !at.compare_exchange_weak(seen, seen == kOutside ? m : kSeveral, std::memory_order_relaxed)) {
-        }
-      }
+      for (int k = 0; k < corners; ++k) note_material(around[block.cell(c)[k]], block.materials[c]);
     });
   }
   slot_.assign(mesh_.points.size(), kNone);
@@ -131,9 +124,8 @@ void Shifter<Dim>::find_cells() {
   first_.assign(vertex_.size() + 1, 0);
   for_cells(
       [&](std::uint32_t s, const CellRef&) { std::atomic_ref(first_[s]).fetch_add(1, std::memory_order_relaxed); });
-  std::vector<std::uint64_t> next(first_.begin(), first_.end());
   cells_.resize(exclusive_scan(std::span(first_)));
-  next = first_;
+  std::vector<std::uint64_t> next = first_;
   for_cells([&](std::uint32_t s, const CellRef& ref) {
     cells_[std::atomic_ref(next[s]).fetch_add(1, std::memory_order_relaxed)] = ref;
   });
