@@ -122,6 +122,7 @@ Mesh<Dim> shape_mesh(const Shaping<Dim>& how, SimplexLattice<Dim>& lattice, bool
   repair.uniform_cells = report.cut.far_cells;
   report.repair = repair_topology(mesh, how.image, repair, execution);
   std::int64_t far_cells = report.cut.far_cells;
+  stage.reset();  // dropping is a stage of its own
   if (how.left_out != kOutside) {
     const auto materials = mesh.blocks[0].materials.begin();
     far_cells -= std::count(materials, materials + far_cells, how.left_out);
