@@ -26,8 +26,6 @@ nlohmann::ordered_json describe(const std::string& path, const LabelImage<Dim>& 
     voxels[c.material] += c.voxels;
     ++components[c.material];
   }
-  double voxel_volume = 1;
-  for (const double s : image.frame.spacing) voxel_volume *= s;
   const MeshEstimate estimate = estimate_mesh(image, {}, execution);
 
   nlohmann::ordered_json json;
@@ -47,7 +45,7 @@ nlohmann::ordered_json describe(const std::string& path, const LabelImage<Dim>& 
     json["labels"].push_back({{"label", image.labels[m]},
                               {"name", image.names.empty() ? "" : image.names[m]},
                               {"voxels", voxels[m]},
-                              {"volume", static_cast<double>(voxels[m]) * voxel_volume},
+                              {"volume", static_cast<double>(voxels[m]) * image.voxel_volume()},
                               {"components", components[m]}});
   }
   json["interface_area"] = estimate.interface_area;

@@ -106,6 +106,11 @@ class MaterialLookup {
 
 }  // namespace
 
+MaterialId material_of(const std::vector<std::int32_t>& labels, std::int32_t label) {
+  const auto at = std::ranges::find(labels, label);
+  return at == labels.end() ? kOutside : static_cast<MaterialId>(at - labels.begin());
+}
+
 template <class T>
 EncodedLabels encode_labels(std::span<const T> values, const Execution& execution) {
   EncodedLabels result;

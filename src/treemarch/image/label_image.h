@@ -2,6 +2,8 @@
 /// A segmented image: one material a voxel.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <span>
@@ -78,6 +80,23 @@ struct LabelImage {
   std::vector<std::string> names;    ///< name of each material, or empty as a whole where none are known
 
   [[nodiscard]] MaterialId material(const Coord<Dim>& voxel) const { return voxels[linear_index(voxel, extent)]; }
+  /// Centre of a voxel, and the voxel at a point or next to it, in the inner frame.
+  [[nodiscard]] Vec<Dim> centre(const Coord<Dim>& voxel) const {
+    Vec<Dim> x;
+    for (int d = 0; d < Dim; ++d) x[d] = (voxel[d] + 0.5) * frame.spacing[d];
+    return x;
+  }
+  [[nodiscard]] Coord<Dim> voxel_at(const Vec<Dim>& x) const {
+    Coord<Dim> voxel;
+    for (int d = 0; d < Dim; ++d)
+      voxel[d] = static_cast<std::int32_t>(std::clamp(std::floor(x[d] / frame.spacing[d]), 0.0, extent[d] - 1.0));
+    return voxel;
+  }
+  [[nodiscard]] double voxel_volume() const {
+    double volume = 1;
+    for (const double side : frame.spacing) volume *= side;
+    return volume;
+  }
   /// Physical sides of the whole image: the box that a mesh of it fills, from 0 in the inner frame.
   [[nodiscard]] Vec<Dim> size() const {
     Vec<Dim> s{};
@@ -85,6 +104,9 @@ struct LabelImage {
     return s;
   }
 };
+
+/// The material with a label, or kOutside where there is none.
+MaterialId material_of(const std::vector<std::int32_t>& labels, std::int32_t label);
 
 /// Makes a label image of plain values: numbers the materials by first appearance.
 /// \pre values.size() equals the product of the extent.

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <functional>
 #include <queue>
 #include <tuple>
@@ -81,12 +80,8 @@ class Bridger {
   }
   [[nodiscard]] std::int64_t cost_of(CellId c) const {
     if (patch_.material(c) == material_) return group_of(c) == kNoGroup ? 2 : 0;
-    const Vec<Dim> centre = patch_.centroid(c);
-    Coord<Dim> voxel{};
     const LabelImage<Dim>& image = *broken_.image;
-    for (int d = 0; d < Dim; ++d)
-      voxel[d] =
-          std::clamp(static_cast<std::int32_t>(std::floor(centre[d] / image.frame.spacing[d])), 0, image.extent[d] - 1);
+    const Coord<Dim> voxel = image.voxel_at(patch_.centroid(c));
     const bool inside = broken_.map->of(linear_index(voxel, image.extent)) == component_;
     return inside ? 1 : 4;
   }
@@ -164,8 +159,7 @@ void restore(Patch<Dim>& patch, const BrokenComponents<Dim>& broken,
   int most = -1;
   for (const auto& l : lost)
     if (const int n = neighbours_within(broken, l.voxel); n > most) innermost = l.voxel, most = n;
-  double voxel = 1;
-  for (const double h : broken.image->frame.spacing) voxel *= h;
+  const double voxel = broken.image->voxel_volume();
   std::vector<std::pair<CellId, double>> share;  // of its voxels in cells
   for (const auto& l : lost) {
     std::array<Vec<Dim>, Dim> edges;

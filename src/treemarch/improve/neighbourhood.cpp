@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <cmath>
 
 #include "treemarch/core/parallel.h"
 
@@ -45,18 +44,11 @@ Box<Dim> box_around(const Mesh<Dim>& mesh, CellId cell, double lengths) {
 template <int Dim>
 void mark_near(const Mesh<Dim>& mesh, std::span<const Reach> cells, const LabelImage<Dim>& image, Marks& marked,
                const Execution& execution) {
-  const auto voxel_at = [&](const Vec<Dim>& x) {
-    Coord<Dim> c;
-    for (int d = 0; d < Dim; ++d)
-      c[d] =
-          static_cast<std::int32_t>(std::clamp(std::floor(x[d] / image.frame.spacing[d]), 0.0, image.extent[d] - 1.0));
-    return c;
-  };
   // Their corners are rounded outwards to a coarse raster, so that those of neighbouring cells are mostly the same.
   std::vector<std::array<Coord<Dim>, 2>> boxes;
   for (const Reach& reach : cells) {
     const Box<Dim> box = box_around(mesh, reach.cell, reach.lengths);
-    Coord<Dim> begin = voxel_at(box.low), last = voxel_at(box.high);
+    Coord<Dim> begin = image.voxel_at(box.low), last = image.voxel_at(box.high);
     for (int d = 0; d < Dim; ++d) {
       const auto step = static_cast<std::int32_t>(
           std::bit_floor(static_cast<std::uint32_t>(std::max(1, (last[d] - begin[d]) / kStepsPerBox))));
@@ -79,7 +71,7 @@ void mark_near(const Mesh<Dim>& mesh, std::span<const Reach> cells, const LabelI
     }
   }
   parallel_for(execution, std::ssize(mesh.points), kPerTask, [&](std::int64_t v) {
-    const Coord<Dim> c = voxel_at(mesh.points[static_cast<std::size_t>(v)]);
+    const Coord<Dim> c = image.voxel_at(mesh.points[static_cast<std::size_t>(v)]);
     if (near[static_cast<std::size_t>(linear_index(c, image.extent))]) marked.mark(static_cast<std::size_t>(v));
   });
 }

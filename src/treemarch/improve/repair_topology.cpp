@@ -56,17 +56,13 @@ class Repairer {
   /// Components of some size, and the largest of every label.
   void mark_required() {
     required_.assign(map_.components.size(), 0);
-    std::vector<std::int64_t> largest(image_.labels.size(), -1);
+    const std::vector<std::int64_t> largest = largest_components(map_.components, image_.labels.size());
     for (std::size_t c = 0; c < required_.size(); ++c) {
       const ImageComponent& component = map_.components[c];
       if (component.material == options_.left_out) continue;
-      required_[c] = component.voxels >= options_.min_component;
-      std::int64_t& best = largest[component.material];
-      if (best < 0 || map_.components[static_cast<std::size_t>(best)].voxels < component.voxels)
-        best = static_cast<std::int64_t>(c);
+      required_[c] =
+          component.voxels >= options_.min_component || largest[component.material] == static_cast<std::int64_t>(c);
     }
-    for (const std::int64_t c : largest)
-      if (c >= 0) required_[static_cast<std::size_t>(c)] = 1;
   }
 
   /// The vertices that may have to do with the breaches.

@@ -15,14 +15,6 @@ namespace {
 
 constexpr std::int64_t kCellsPerTask = 1 << 14;
 
-template <int Dim>
-Vec<Dim> centre_of(const LabelImage<Dim>& image, std::int64_t voxel) {
-  const Coord<Dim> c = coord_of(voxel, image.extent);
-  Vec<Dim> x;
-  for (int d = 0; d < Dim; ++d) x[d] = (c[d] + 0.5) * image.frame.spacing[d];
-  return x;
-}
-
 /// A voxel in a cell of its material.
 struct Hit {
   std::uint32_t component;  // of the image
@@ -44,7 +36,7 @@ std::vector<Hit> hits_in(const LabelImage<Dim>& image, const ComponentMap& map, 
       centres.visit(
           simplex, [&](std::int64_t v) { return image.voxels[v] == material; },
           [&](std::int64_t v) {
-            hits.push_back({map.of(v), barycentric.depth(centre_of(image, v)), v});
+            hits.push_back({map.of(v), barycentric.depth(image.centre(coord_of(v, image.extent))), v});
           });
     });
   std::ranges::sort(hits, {}, [](const Hit& h) { return std::tuple(h.component, -h.depth, h.voxel); });
@@ -114,7 +106,7 @@ SmallPieces find_small_pieces(const LabelImage<Dim>& image, const ComponentMap& 
     for (std::size_t h = 0; h < hits.size(); ++h) {
       if (required[hits[h].component] == 0 || (h > 0 && hits[h].component == hits[h - 1].component)) continue;
       Anchor anchor{.material = block.materials[piece.cells[0]]};
-      const Vec<Dim> centre = centre_of(image, hits[h].voxel);
+      const Vec<Dim> centre = image.centre(coord_of(hits[h].voxel, image.extent));
       std::ranges::copy(centre, anchor.point.begin());
       pieces.anchors.push_back(anchor);
     }

@@ -1,7 +1,6 @@
 #include "treemarch/improve/unpinch.h"
 
 #include <algorithm>
-#include <cmath>
 #include <numeric>
 #include <tuple>
 
@@ -102,12 +101,7 @@ int Unpincher<Dim>::excess_around(std::span<const VertexId> vertices) {
 
 template <int Dim>
 MaterialId Unpincher<Dim>::image_material(CellId c) const {
-  const Vec<Dim> centre = patch_.centroid(c);
-  Coord<Dim> voxel{};
-  for (int d = 0; d < Dim; ++d)
-    voxel[d] =
-        std::clamp(static_cast<std::int32_t>(std::floor(centre[d] / image_.frame.spacing[d])), 0, image_.extent[d] - 1);
-  return image_.material(voxel);
+  return image_.material(image_.voxel_at(patch_.centroid(c)));
 }
 
 template <int Dim>

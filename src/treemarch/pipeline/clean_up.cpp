@@ -18,12 +18,7 @@ bool on_side(const Coord<Dim>& voxel, const Coord<Dim>& extent) {
 /// Components of at most one label kept: 1 where a component is an island.
 std::vector<std::uint8_t> find_islands(const std::vector<ImageComponent>& components, std::size_t materials,
                                        MaterialId background, std::int64_t least) {
-  std::vector<std::int64_t> largest(materials, -1);
-  for (std::size_t c = 0; c < components.size(); ++c) {
-    std::int64_t& best = largest[components[c].material];
-    if (best < 0 || components[static_cast<std::size_t>(best)].voxels < components[c].voxels)
-      best = static_cast<std::int64_t>(c);
-  }
+  const std::vector<std::int64_t> largest = largest_components(components, materials);
   std::vector<std::uint8_t> island(components.size());
   for (std::size_t c = 0; c < components.size(); ++c)
     island[c] = components[c].material != background && components[c].voxels < least &&
@@ -128,9 +123,7 @@ CleanUpReport clean_up(LabelImage<Dim>& image, const CleanUpOptions& options, Ex
   CleanUpReport report;
   if (options.remove_islands <= 0 && options.fill_holes <= 0) return report;
   const Execution::Stage stage(execution, "clean up");
-  const auto at = std::ranges::find(image.labels, options.background);
-  const MaterialId background =
-      at == image.labels.end() ? kOutside : static_cast<MaterialId>(at - image.labels.begin());
+  const MaterialId background = material_of(image.labels, options.background);
   if (options.remove_islands > 0) {
     const ComponentMap map = map_components(image, execution);
     const std::vector<std::uint8_t> gone =

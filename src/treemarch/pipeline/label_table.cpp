@@ -63,7 +63,7 @@ std::vector<MaterialId> LabelTable::find_set(std::string_view set, std::string_v
     }
   }
   std::ranges::sort(found);
-  found.erase(std::ranges::unique(found).begin(), found.end());
+  found.erase(std::unique(found.begin(), found.end()), found.end());
   return found;
 }
 

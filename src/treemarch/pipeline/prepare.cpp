@@ -134,11 +134,6 @@ LabelImage<Dim> rebuild(const LabelImage<Dim>& image, const Relabelling& to, con
 
 }  // namespace
 
-MaterialId material_of(const std::vector<std::int32_t>& labels, std::int32_t label) {
-  const auto at = std::ranges::find(labels, label);
-  return at == labels.end() ? kOutside : static_cast<MaterialId>(at - labels.begin());
-}
-
 template <int Dim>
 LabelImage<Dim> prepare_image(LabelImage<Dim> image, const PrepareOptions& options, Execution& execution) {
   const Execution::Stage stage(execution, "prepare");

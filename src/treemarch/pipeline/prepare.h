@@ -30,7 +30,4 @@ LabelImage<Dim> prepare_image(LabelImage<Dim> image, const PrepareOptions& optio
 template <int Dim>
 GreyImage<Dim> crop_image(GreyImage<Dim> image, const std::string& roi);
 
-/// The material with a label, or kOutside where there is none.
-MaterialId material_of(const std::vector<std::int32_t>& labels, std::int32_t label);
-
 }  // namespace treemarch

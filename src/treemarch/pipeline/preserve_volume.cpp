@@ -22,8 +22,7 @@ constexpr double kSmoothOverSteps = 0.67;  // area of a smooth surface over that
 template <int Dim>
 VolumeKeeper<Dim>::VolumeKeeper(const LabelImage<Dim>& image, MaterialId left_out)
     : labels_(image.labels.size()), left_out_(left_out) {
-  double voxel = 1;
-  for (const double h : image.frame.spacing) voxel *= h;
+  const double voxel = image.voxel_volume();
   std::vector<std::int64_t> voxels(labels_.size());
   for (std::int64_t v = 0; v < image.voxels.size(); ++v) {
     const MaterialId m = image.voxels[v];

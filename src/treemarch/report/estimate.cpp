@@ -69,11 +69,9 @@ std::int64_t limit_in(const char* path, std::string_view key) {
 
 template <int Dim>
 MeshEstimate estimate_mesh(const LabelImage<Dim>& image, const SizingRule& sizes, const Execution& execution) {
-  double voxel = 1, volume = 1;
-  for (int d = 0; d < Dim; ++d) {
-    voxel *= image.frame.spacing[d];
-    volume *= image.size()[d];
-  }
+  const double voxel = image.voxel_volume();
+  double volume = 1;
+  for (const double side : image.size()) volume *= side;
   MeshEstimate estimate;
   const Faces<Dim> faces = count_faces(image, execution);
   for (int d = 0; d < Dim; ++d)

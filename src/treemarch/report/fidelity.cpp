@@ -139,15 +139,13 @@ Fidelity label_sums(const Mesh<Dim>& mesh, const MeshComponents<Dim>& components
 template <int Dim>
 std::vector<LabelFidelity> compare_labels(const LabelImage<Dim>& image, const Overlap& voxels, const ComponentMap& map,
                                           std::int32_t background) {
-  double voxel_volume = 1;
-  for (const double s : image.frame.spacing) voxel_volume *= s;
   std::vector<LabelFidelity> labels(image.labels.size());
   for (std::size_t m = 0; m < image.labels.size(); ++m) {
     LabelFidelity& l = labels[m];
     l.label = image.labels[m];
     if (!image.names.empty()) l.name = image.names[m];
     l.voxels = voxels.image[m];
-    l.image_volume = static_cast<double>(l.voxels) * voxel_volume;
+    l.image_volume = static_cast<double>(l.voxels) * image.voxel_volume();
     const std::int64_t both = voxels.image[m] + voxels.mesh[m];
     l.dice = both ? 2.0 * static_cast<double>(voxels.both[m]) / static_cast<double>(both) : 0;
     l.is_background = l.label == background;

@@ -137,8 +137,7 @@ template <int Dim>
 std::vector<InterfaceFidelity> measure_interfaces(const LabelImage<Dim>& image, const Mesh<Dim>& mesh,
                                                   std::span<const MaterialId> to_image, std::int32_t background,
                                                   std::span<const BorderFacet> borders, const Execution& execution) {
-  const auto at = std::ranges::find(image.labels, background);
-  const MaterialId nothing = at == image.labels.end() ? kOutside : static_cast<MaterialId>(at - image.labels.begin());
+  const MaterialId nothing = material_of(image.labels, background);
   const Vec<Dim> box = image.size();
   const FaceSearch<Dim> search(image);
   const auto facets = static_cast<std::int64_t>(borders.size());

@@ -21,20 +21,16 @@ Vec<3> world_place(const LabelImage<Dim>& image, const Vec<Dim>& inner) {
 template <int Dim>
 void list_broken(const TopologyInput<Dim>& in, std::int32_t background, TopologyReport& report) {
   std::vector<std::uint8_t> in_mesh(in.image.labels.size());  // whether a component of the label survives
-  std::vector<std::int64_t> largest(in.image.labels.size(), 0);
-  for (std::size_t c = 0; c < in.fates.size(); ++c) {
-    const ImageComponent& component = in.map.components[c];
-    in_mesh[component.material] |= static_cast<std::uint8_t>(!in.fates[c].lost());
-    largest[component.material] = std::max(largest[component.material], component.voxels);
-  }
+  for (std::size_t c = 0; c < in.fates.size(); ++c)
+    in_mesh[in.map.components[c].material] |= static_cast<std::uint8_t>(!in.fates[c].lost());
+  const std::vector<std::int64_t> largest = largest_components(in.map.components, in.image.labels.size());
   for (std::size_t c = 0; c < in.fates.size(); ++c) {
     const ImageComponent& component = in.map.components[c];
     const std::int32_t label = in.image.labels[component.material];
     if ((!in.fates[c].lost() && !in.fates[c].split()) || label == background) continue;
-    const Coord<Dim> voxel = coord_of(component.first_voxel, in.image.extent);
-    Vec<Dim> centre{};
-    for (int d = 0; d < Dim; ++d) centre[d] = (voxel[d] + 0.5) * in.image.frame.spacing[d];
-    const bool last = !in_mesh[component.material] && component.voxels == largest[component.material];
+    const Vec<Dim> centre = in.image.centre(coord_of(component.first_voxel, in.image.extent));
+    const auto& most = in.map.components[static_cast<std::size_t>(largest[component.material])];
+    const bool last = !in_mesh[component.material] && component.voxels == most.voxels;
     auto& list = component.voxels >= report.min_component || last ? report.broken : report.broken_small;
     list.push_back({label, component.voxels, in.fates[c].lost(), world_place(in.image, centre)});
   }
@@ -74,13 +70,13 @@ void list_contacts(const TopologyInput<Dim>& in, std::span<const ImagePinch> pin
         around.push_back(in.map.of(linear_index(voxel, in.image.extent)));
     }
     std::ranges::sort(around);
-    around.erase(std::ranges::unique(around).begin(), around.end());
+    around.erase(std::unique(around.begin(), around.end()), around.end());
     for (std::size_t i = 0; i < around.size(); ++i)
       for (std::size_t j = i + 1; j < around.size(); ++j) contacts.push_back({around[i], around[j], p.corner});
   }
   std::ranges::sort(contacts);
   const auto same = [](const Contact& x, const Contact& y) { return x.a == y.a && x.b == y.b; };
-  contacts.erase(std::ranges::unique(contacts, same).begin(), contacts.end());
+  contacts.erase(std::unique(contacts.begin(), contacts.end(), same), contacts.end());
   report.contacts = std::ssize(contacts);
   for (const Contact& c : contacts) {
     const ComponentFate &a = in.fates[c.a], &b = in.fates[c.b];

@@ -15,12 +15,10 @@ class Flood {
  public:
   explicit Flood(const LabelImage<Dim>& image) : image_(image), seen_(static_cast<std::size_t>(image.voxels.size())) {
     std::int64_t n = 1;
-    double volume = 1;
     for (int d = 0; d < Dim; n *= image.extent[d++]) {
       stride_[d] = n;
-      volume *= image.frame.spacing[d];
+      face_[d] = image.voxel_volume() / image.frame.spacing[d];
     }
-    for (int d = 0; d < Dim; ++d) face_[d] = volume / image.frame.spacing[d];
   }
 
   /// The voxels of the component of one of them, until the next call; and the area of its faces to other materials.
@@ -56,12 +54,6 @@ class Flood {
   double area_ = 0;
 };
 
-std::vector<std::int64_t> largest_of_each(const std::vector<ImageComponent>& components, std::size_t materials) {
-  std::vector<std::int64_t> largest(materials, 0);
-  for (const ImageComponent& c : components) largest[c.material] = std::max(largest[c.material], c.voxels);
-  return largest;
-}
-
 }  // namespace
 
 template <int Dim>
@@ -70,16 +62,17 @@ std::int64_t add_component_sizes(const LabelImage<Dim>& image, const ComponentSi
   // Longer wires and wider sheets than this many cells have not so many voxels that their label's share would be
   // unknown to sizes by material.
   constexpr double kMostCells = 64;
-  double voxel = 1;
-  for (const double s : image.frame.spacing) voxel *= s;
+  const double voxel = image.voxel_volume();
   const double most_voxels = kMostCells * std::pow(sizing.floor, Dim) / voxel;
   const std::vector<ImageComponent> components = image_components(image, execution);
-  const std::vector<std::int64_t> largest = largest_of_each(components, image.labels.size());
+  const std::vector<std::int64_t> largest = largest_components(components, image.labels.size());
   std::vector<const ImageComponent*> small;
-  for (const ImageComponent& c : components)
-    if (c.material != sizing.left_out && (c.voxels >= sizing.min_component || c.voxels == largest[c.material]) &&
+  for (const ImageComponent& c : components) {
+    const std::int64_t most = components[static_cast<std::size_t>(largest[c.material])].voxels;
+    if (c.material != sizing.left_out && (c.voxels >= sizing.min_component || c.voxels == most) &&
         static_cast<double>(c.voxels) <= most_voxels)
       small.push_back(&c);
+  }
   if (small.empty()) return 0;
   Flood<Dim> flood(image);
   std::int64_t count = 0;

@@ -63,8 +63,7 @@ template <int Dim>
 Shapes<Dim> shapes_of(const LabelImage<Dim>& image, const Execution& execution) {
   const Extent<Dim> extent = measure(image, execution);
   const Vec<Dim>& spacing = image.frame.spacing;
-  double volume = 1;
-  for (const double s : spacing) volume *= s;
+  const double volume = image.voxel_volume();
   Shapes<Dim> shapes;
   for (std::size_t m = 0; m < extent.voxels.size(); ++m) {
     double area = 0;

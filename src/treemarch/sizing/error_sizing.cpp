@@ -172,7 +172,6 @@ class LevelErrors {
     for (int d = 0; d < Dim; ++d) {
       cells_[d] = (lattice_[d] + side_[d] - 1) / side_[d];
       voxels_[d] = sized.lattice.unit[d] / image.frame.spacing[d];
-      voxel_volume_ *= image.frame.spacing[d];
     }
   }
   [[nodiscard]] std::int64_t size() const { return product(cells_); }
@@ -199,7 +198,8 @@ class LevelErrors {
     double volume = 1;
     for (int d = 0; d < Dim; ++d) volume *= (around.end[d] - around.begin[d]) * image_.frame.spacing[d];
     const double area = std::pow(volume, (Dim - 1.0) / Dim);
-    if (kMostOverMean * static_cast<double>(wrong) * voxel_volume_ <= tolerance * area && !labels.loses_a_piece())
+    if (kMostOverMean * static_cast<double>(wrong) * image_.voxel_volume() <= tolerance * area &&
+        !labels.loses_a_piece())
       return;
     for_points(box, lattice_,
                [&](const Coord<Dim>&, std::int64_t i) { levels[i] = static_cast<std::uint8_t>(level_ + 1); });
@@ -210,7 +210,6 @@ class LevelErrors {
   Coord<Dim> side_, lattice_, cells_{};
   int level_;
   Vec<Dim> voxels_{};  // in a finest cell
-  double voxel_volume_ = 1;
 };
 
 }  // namespace

@@ -7,21 +7,13 @@
 namespace treemarch {
 namespace {
 
-template <int Dim>
-Vec<Dim> centre_of(const LabelImage<Dim>& image, std::int64_t voxel) {
-  const Coord<Dim> c = coord_of(voxel, image.extent);
-  Vec<Dim> x{};
-  for (int d = 0; d < Dim; ++d) x[d] = (c[d] + 0.5) * image.frame.spacing[d];
-  return to_world(image.frame, x);
-}
-
 /// Lowers the size of each voxel to size_at(world position of its centre), where that is above 0.
 template <int Dim, class SizeAt>
 std::int64_t lower_sizes(const LabelImage<Dim>& image, std::vector<float>& sizes, SizeAt&& size_at) {
   sizes.resize(static_cast<std::size_t>(image.voxels.size()), 0);
   std::int64_t asked = 0;
   for (std::int64_t i = 0; i < image.voxels.size(); ++i) {
-    const auto size = static_cast<float>(size_at(centre_of(image, i)));
+    const auto size = static_cast<float>(size_at(to_world(image.frame, image.centre(coord_of(i, image.extent)))));
     if (!(size > 0) || !std::isfinite(size)) continue;
     ++asked;
     float& at = sizes[static_cast<std::size_t>(i)];

@@ -108,6 +108,16 @@ std::vector<ImageComponent> list_components(const JoinedRuns& joined, std::int64
 
 }  // namespace
 
+std::vector<std::int64_t> largest_components(const std::vector<ImageComponent>& components, std::size_t materials) {
+  std::vector<std::int64_t> largest(materials, -1);
+  for (std::size_t c = 0; c < components.size(); ++c) {
+    std::int64_t& best = largest[components[c].material];
+    if (best < 0 || components[static_cast<std::size_t>(best)].voxels < components[c].voxels)
+      best = static_cast<std::int64_t>(c);
+  }
+  return largest;
+}
+
 template <int Dim>
 std::vector<ImageComponent> image_components(const LabelImage<Dim>& image, const Execution& execution) {
   std::vector<std::uint32_t> component_of;

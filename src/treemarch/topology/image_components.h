@@ -24,8 +24,11 @@ struct ImageComponent {
 template <int Dim>
 std::vector<ImageComponent> image_components(const LabelImage<Dim>& image, const Execution& execution);
 
-/// The same, and the component of each voxel as an index into them. Kept as runs: far less memory than a number a
-/// voxel.
+/// Index of the largest component of each material, the first one of several; -1 for a material without any.
+std::vector<std::int64_t> largest_components(const std::vector<ImageComponent>& components, std::size_t materials);
+
+/// The same as image_components(), and the component of each voxel as an index into them. Kept as runs: far less memory
+/// than a number a voxel.
 struct ComponentMap {
   /// A stretch of one component along the first axis, up to the next.
   struct Run {

@@ -64,7 +64,7 @@ std::vector<ImagePinch> find_image_pinches(const LabelImage<Dim>& image, const E
         if (same) continue;
         std::array<MaterialId, kVoxels> materials = around;
         std::ranges::sort(materials);
-        const auto last = std::ranges::unique(materials).begin();
+        const auto last = std::unique(materials.begin(), materials.end());
         for (auto m = materials.begin(); m != last && *m != kOutside; ++m) {
           unsigned set = 0;
           for (int v = 0; v < kVoxels; ++v) set |= static_cast<unsigned>(around[v] == *m) << v;

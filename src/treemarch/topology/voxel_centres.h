@@ -36,11 +36,7 @@ class VoxelCentres {
     for (int d = 0; d < Dim; ++d) voxel[d] = spans[d].begin;
     while (true) {
       const std::int64_t v = linear_index(voxel, image_.extent);
-      if (wanted(v)) {
-        Vec<Dim> centre;
-        for (int d = 0; d < Dim; ++d) centre[d] = (voxel[d] + 0.5) * image_.frame.spacing[d];
-        if (barycentric.contains(centre, kTolerance)) use(v);
-      }
+      if (wanted(v) && barycentric.contains(image_.centre(voxel), kTolerance)) use(v);
       int d = 0;
       while (d < Dim && ++voxel[d] == spans[d].end) {
         voxel[d] = spans[d].begin;
