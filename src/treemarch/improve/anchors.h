@@ -2,6 +2,9 @@
 /// Points that must stay in cells of their material while vertices move.
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
+
 #include "treemarch/core/vec.h"
 #include "treemarch/image/label_image.h"
 
@@ -13,5 +16,13 @@ struct Anchor {
   Vec<3> point{};  ///< inner frame, z = 0 in 2D
   MaterialId material = 0;
 };
+
+/// \param voxel its linear index
+template <int Dim>
+Anchor anchor_at(const LabelImage<Dim>& image, std::int64_t voxel) {
+  Anchor anchor{.material = image.voxels[voxel]};
+  std::ranges::copy(image.centre(coord_of(voxel, image.extent)), anchor.point.begin());
+  return anchor;
+}
 
 }  // namespace treemarch

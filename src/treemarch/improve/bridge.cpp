@@ -8,6 +8,7 @@
 #include <unordered_map>
 
 #include "treemarch/core/parallel.h"
+#include "treemarch/improve/marks.h"
 #include "treemarch/improve/unpinch.h"
 #include "treemarch/topology/simplices.h"
 #include "treemarch/topology/voxel_centres.h"
@@ -24,6 +25,20 @@ std::vector<T> join(const std::vector<std::vector<T>>& parts) {
   return all;
 }
 
+/// The voxels of the components for which wanted(component) is true.
+template <int Dim, class Wanted>
+Marks mark_voxels(const LabelImage<Dim>& image, const ComponentMap& map, Wanted&& wanted) {
+  Marks marks(static_cast<std::size_t>(image.voxels.size()));
+  for (std::size_t row = 0; row + 1 < map.row_begin.size(); ++row)
+    for (std::size_t r = map.row_begin[row]; r < map.row_begin[row + 1]; ++r) {
+      if (!wanted(map.runs[r].component)) continue;
+      const std::int64_t end = r + 1 < map.row_begin[row + 1] ? map.runs[r + 1].begin : map.width;
+      marks.mark_run(row * static_cast<std::size_t>(map.width) + static_cast<std::size_t>(map.runs[r].begin),
+                     static_cast<std::size_t>(end - map.runs[r].begin));
+    }
+  return marks;
+}
+
 /// Adds up parts that are the same.
 template <class Part>
 void merge_parts(std::vector<Part>& parts) {
@@ -36,6 +51,14 @@ void merge_parts(std::vector<Part>& parts) {
       parts[n++] = p;
   }
   parts.resize(n);
+}
+
+/// Whether a cell can be taken from its material without cutting that in two, as far as can be seen from nearby.
+template <int Dim>
+bool can_go(const Patch<Dim>& patch, const BrokenComponents<Dim>& broken, CellId c) {
+  return patch.material(c) == broken.left_out ||
+         (std::ranges::all_of(patch.cell(c), [&](VertexId v) { return patch.has_star(v); }) &&
+          keeps_connection<Dim>(patch, std::span(&c, 1)));
 }
 
 /// Joins one part of a component to another part of it.
@@ -115,9 +138,7 @@ class Bridger {
   void take_way(CellId end, std::uint32_t own, const std::unordered_map<CellId, CellId>& from) {
     for (CellId c = end; from.at(c) != c; c = from.at(c)) {
       if (patch_.material(c) == material_) continue;
-      const SimplexVertices<Dim> corners = patch_.cell(c);
-      const bool seen = std::ranges::all_of(corners, [&](VertexId v) { return patch_.has_star(v); });
-      cut_another_ |= !seen || !keeps_connection<Dim>(patch_, std::span(&c, 1));
+      cut_another_ |= !can_go(patch_, broken_, c);
       patch_.relabel(c, material_);
       taken_[c] = own;
       relabelled_.push_back(c);
@@ -150,11 +171,31 @@ int neighbours_within(const BrokenComponents<Dim>& broken, std::int64_t voxel) {
   return count;
 }
 
+/// Whether cells hang together over facets. \param cells ascending
+template <int Dim>
+bool are_connected(const Patch<Dim>& patch, std::span<const CellId> cells) {
+  std::vector<std::uint8_t> met(cells.size());
+  std::vector<std::size_t> open{0};
+  met[0] = 1;
+  std::size_t count = 0;
+  for (; !open.empty(); ++count) {
+    const CellId c = cells[open.back()];
+    open.pop_back();
+    for (int corner = 0; corner <= Dim; ++corner) {
+      const auto next = std::ranges::lower_bound(cells, patch.neighbour(c, corner));
+      const auto at = static_cast<std::size_t>(next - cells.begin());
+      if (next == cells.end() || *next != patch.neighbour(c, corner) || met[at]++ != 0) continue;
+      open.push_back(at);
+    }
+  }
+  return count == cells.size();
+}
+
 /// Gives a lost component the cells around the centre of its innermost voxel, and those of which it has half the
 /// volume.
 template <int Dim>
 void restore(Patch<Dim>& patch, const BrokenComponents<Dim>& broken,
-             std::span<const typename BrokenComponents<Dim>::Lost> lost, std::vector<CellId>& relabelled) {
+             std::span<const typename BrokenComponents<Dim>::Lost> lost, Mended& mended) {
   std::int64_t innermost = -1;
   int most = -1;
   for (const auto& l : lost)
@@ -170,14 +211,20 @@ void restore(Patch<Dim>& patch, const BrokenComponents<Dim>& broken,
   }
   std::ranges::sort(share);
   const MaterialId material = broken.map->components[lost[0].image_component].material;
+  std::vector<CellId> taken;
   for (std::size_t i = 0; i < share.size();) {
     const CellId cell = share[i].first;
     double sum = 0;
     for (; i < share.size() && share[i].first == cell; ++i) sum += share[i].second;
     if (sum < 0.5) continue;
+    mended.surely_whole &= can_go(patch, broken, cell);
     patch.relabel(cell, material);
-    relabelled.push_back(cell);
+    taken.push_back(cell);
   }
+  mended.surely_whole &= are_connected<Dim>(patch, taken);
+  mended.relabelled.insert(mended.relabelled.end(), taken.begin(), taken.end());
+  const auto inner = std::ranges::find(lost, innermost, &BrokenComponents<Dim>::Lost::voxel);
+  mended.restored.push_back({inner->cell, anchor_at(*broken.image, innermost)});
 }
 
 }  // namespace
@@ -186,12 +233,13 @@ template <int Dim>
 BrokenComponents<Dim> find_broken(const LabelImage<Dim>& image, const ComponentMap& map,
                                   std::span<const std::uint8_t> required, const Mesh<Dim>& mesh,
                                   const MeshComponents<Dim>& components, std::span<const ComponentFate> fates,
-                                  const Execution& execution) {
+                                  MaterialId left_out, const Execution& execution) {
   using Broken = BrokenComponents<Dim>;
   Broken broken;
   broken.components = &components;
   broken.map = &map;
   broken.image = &image;
+  broken.left_out = left_out;
   const auto is_lost = [&](std::uint32_t c) { return required[c] && fates[c].lost(); };
   const auto is_split = [&](std::uint32_t c) { return required[c] && fates[c].split(); };
   bool any_lost = false, any_split = false;
@@ -208,6 +256,7 @@ BrokenComponents<Dim> find_broken(const LabelImage<Dim>& image, const ComponentM
   std::vector<std::vector<typename Broken::Part>> parts(tasks);
   std::vector<std::vector<typename Broken::Lost>> lost(tasks);
   const VoxelCentres<Dim> centres(image);
+  const Marks concerned = mark_voxels(image, map, [&](std::uint32_t c) { return is_lost(c) || is_split(c); });
   const auto for_cells = [&](std::size_t task, auto&& f) {
     const auto begin = static_cast<std::int64_t>(task) * kCellsPerTask;
     for (std::int64_t c = begin; c < std::min(block.size(), begin + kCellsPerTask); ++c) f(static_cast<CellId>(c));
@@ -221,8 +270,7 @@ BrokenComponents<Dim> find_broken(const LabelImage<Dim>& image, const ComponentM
         centres.visit(
             simplex,
             [&](std::int64_t v) {
-              const std::uint32_t c = map.of(v);
-              return is_lost(c) || (image.voxels[v] == material && is_split(c));
+              return concerned[static_cast<std::size_t>(v)] && (image.voxels[v] == material || is_lost(map.of(v)));
             },
             [&](std::int64_t v) {
               const std::uint32_t c = map.of(v);
@@ -264,9 +312,8 @@ Mended mend_components(Patch<Dim>& patch, const BrokenComponents<Dim>& broken, R
   for (std::size_t i = 0; i < broken.lost.size();) {
     std::size_t end = i;
     while (end < broken.lost.size() && broken.lost[end].image_component == broken.lost[i].image_component) ++end;
-    restore<Dim>(patch, broken, std::span(broken.lost).subspan(i, end - i), mended.relabelled);
+    restore<Dim>(patch, broken, std::span(broken.lost).subspan(i, end - i), mended);
     ++report.restored;
-    mended.surely_whole = false;
     i = end;
   }
   Bridger<Dim> bridger(patch, broken);
@@ -286,7 +333,7 @@ Mended mend_components(Patch<Dim>& patch, const BrokenComponents<Dim>& broken, R
 #define TREEMARCH_INSTANTIATE(DIM)                                                                  \
   template BrokenComponents<DIM> find_broken(                                                       \
       const LabelImage<DIM>&, const ComponentMap&, std::span<const std::uint8_t>, const Mesh<DIM>&, \
-      const MeshComponents<DIM>&, std::span<const ComponentFate>, const Execution&);                \
+      const MeshComponents<DIM>&, std::span<const ComponentFate>, MaterialId, const Execution&);    \
   template Mended mend_components(Patch<DIM>&, const BrokenComponents<DIM>&, RepairReport&);
 TREEMARCH_INSTANTIATE(2)
 TREEMARCH_INSTANTIATE(3)

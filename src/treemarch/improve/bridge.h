@@ -8,6 +8,7 @@
 
 #include "treemarch/core/execution.h"
 #include "treemarch/image/label_image.h"
+#include "treemarch/improve/anchors.h"
 #include "treemarch/improve/patch.h"
 #include "treemarch/improve/repair_topology.h"
 #include "treemarch/topology/component_fates.h"
@@ -35,21 +36,29 @@ struct BrokenComponents {
   const MeshComponents<Dim>* components = nullptr;
   const ComponentMap* map = nullptr;
   const LabelImage<Dim>* image = nullptr;
+  MaterialId left_out = kOutside;  ///< may be cut in two
 
   [[nodiscard]] bool empty() const { return parts.empty() && lost.empty(); }
 };
 
 /// \param required one a component of the image: those with 0 are left as they are
+/// \param left_out a material that is not part of the mesh in the end, or kOutside
 /// \pre as repair_topology(); the arguments outlive the result
 template <int Dim>
 BrokenComponents<Dim> find_broken(const LabelImage<Dim>& image, const ComponentMap& map,
                                   std::span<const std::uint8_t> required, const Mesh<Dim>& mesh,
                                   const MeshComponents<Dim>& components, std::span<const ComponentFate> fates,
-                                  const Execution& execution);
+                                  MaterialId left_out, const Execution& execution);
 
 struct Mended {
+  /// The cell that stands for a component that had been lost.
+  struct Restored {
+    CellId cell;
+    Anchor anchor;
+  };
   std::vector<CellId> relabelled;
-  bool surely_whole = true;  ///< no other material was cut in two, as far as can be seen from nearby
+  std::vector<Restored> restored;
+  bool surely_whole = true;  ///< and no other material was cut in two, as far as can be seen from nearby
 };
 
 /// Gives each lost component the cells around the centre of its innermost voxel and those of which its voxels are half,

@@ -40,9 +40,9 @@ class Repairer {
       for (const MeshPinch& p : pinches) sheets += p.sheets;
       if (report_.rounds == 0) report_.pinches_before = sheets;
       report_.pinches_after = sheets;
-      const BrokenComponents<Dim> broken =
-          find_broken(image_, map_, required_, mesh_, components,
-                      component_fates(image_, map_, mesh_, components, to_image_, execution_), execution_);
+      const BrokenComponents<Dim> broken = find_broken(
+          image_, map_, required_, mesh_, components,
+          component_fates(image_, map_, mesh_, components, to_image_, execution_), options_.left_out, execution_);
       SmallPieces small = find_small_pieces<Dim>(image_, map_, required_, mesh_, components, execution_);
       report_.anchors = std::move(small.anchors);
       if ((pinches.empty() && broken.empty() && small.strays.empty()) || report_.rounds == options_.rounds)
@@ -109,6 +109,11 @@ class Repairer {
     report_.pinches_after = unpincher.left();
     const std::int64_t relabelled = unpincher.relabelled() + std::ssize(mended.relabelled);
     report_.relabelled_cells += relabelled;
+    for (const Mended::Restored& r : mended.restored) {
+      mended.surely_whole &= patch.material(r.cell) == r.anchor.material;
+      report_.anchors.push_back(r.anchor);
+    }
+    std::ranges::sort(report_.anchors, {}, &Anchor::point);
     return relabelled > 0 && !mended.surely_whole;
   }
 

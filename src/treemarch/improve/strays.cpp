@@ -105,10 +105,7 @@ SmallPieces find_small_pieces(const LabelImage<Dim>& image, const ComponentMap& 
     const std::vector<Hit> hits = hits_in<Dim>(image, map, mesh, piece.cells);
     for (std::size_t h = 0; h < hits.size(); ++h) {
       if (required[hits[h].component] == 0 || (h > 0 && hits[h].component == hits[h - 1].component)) continue;
-      Anchor anchor{.material = block.materials[piece.cells[0]]};
-      const Vec<Dim> centre = image.centre(coord_of(hits[h].voxel, image.extent));
-      std::ranges::copy(centre, anchor.point.begin());
-      pieces.anchors.push_back(anchor);
+      pieces.anchors.push_back(anchor_at(image, hits[h].voxel));
     }
     if (hits.empty()) pieces.strays.push_back(std::move(piece));
   }
