@@ -11,12 +11,18 @@
 namespace treemarch {
 namespace {
 
+template <int Dim>
+std::vector<ImagePinch> pinches_of(const LabelImage<Dim>& image, int threads) {
+  const Execution execution(threads);
+  return find_image_pinches(image, UniformBlocks<Dim>(image, execution), execution);
+}
+
 /// The mesh that repeats an image is pinched where the image is.
 template <int Dim>
 void expect_as_in_image(const LabelImage<Dim>& image) {
   const Mesh<Dim> mesh = testing::voxel_mesh(image);  // its vertices are the corners of the voxels
   std::set<std::pair<std::int64_t, MaterialId>> in_image, in_mesh;
-  for (const ImagePinch& p : find_image_pinches(image, Execution(3))) in_image.emplace(p.corner, p.material);
+  for (const ImagePinch& p : pinches_of(image, 3)) in_image.emplace(p.corner, p.material);
   const MeshComponents<Dim> components(mesh, Execution(3));
   for (const MeshPinch& p : components.pinches()) in_mesh.emplace(p.vertex, p.material);
   EXPECT_EQ(in_image, in_mesh);
@@ -30,7 +36,7 @@ TEST(pinches, of_an_image_and_of_the_mesh_that_repeats_it_agree) {
     const auto flat = testing::noise_image<2>({17, 13}, labels, seed);
     expect_as_in_image(solid);
     expect_as_in_image(flat);
-    total += find_image_pinches(solid, Execution(1)).size();
+    total += pinches_of(solid, 1).size();
   }
   EXPECT_GT(total, 100U);
 }
@@ -42,9 +48,7 @@ LabelImage<3> voxels(const std::vector<Coord<3>>& ones) {
 }
 
 TEST(pinches, are_found_along_edges_in_points_and_between_nothing_else) {
-  const auto count = [](const std::vector<Coord<3>>& ones) {
-    return find_image_pinches(voxels(ones), Execution(1)).size();
-  };
+  const auto count = [](const std::vector<Coord<3>>& ones) { return pinches_of(voxels(ones), 1).size(); };
   EXPECT_EQ(count({{1, 1, 1}}), 0U);
   EXPECT_EQ(count({{1, 1, 1}, {2, 1, 1}, {2, 2, 1}}), 0U);
   EXPECT_EQ(count({{1, 1, 1}, {2, 2, 1}}), 4U);  // both materials at both ends of the edge

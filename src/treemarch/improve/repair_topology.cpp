@@ -23,7 +23,12 @@ template <int Dim>
 class Repairer {
  public:
   Repairer(Mesh<Dim>& mesh, const LabelImage<Dim>& image, const RepairOptions& options, Execution& execution)
-      : mesh_(mesh), image_(image), options_(options), execution_(execution), map_(map_components(image, execution)) {
+      : mesh_(mesh),
+        image_(image),
+        options_(options),
+        execution_(execution),
+        map_(map_components(image, execution)),
+        uniform_(image, execution) {
     to_image_.resize(image.labels.size());
     std::iota(to_image_.begin(), to_image_.end(), 0U);
     if (options.left_out != kOutside) to_image_[options.left_out] = kOutside;
@@ -40,9 +45,11 @@ class Repairer {
       for (const MeshPinch& p : pinches) sheets += p.sheets;
       if (report_.rounds == 0) report_.pinches_before = sheets;
       report_.pinches_after = sheets;
-      const BrokenComponents<Dim> broken = find_broken(
-          image_, map_, required_, mesh_, components,
-          component_fates(image_, map_, mesh_, components, to_image_, execution_), options_.left_out, execution_);
+      const PlainBlocks<Dim> plain(image_, uniform_, mesh_, components.facets(), execution_);
+      const BrokenComponents<Dim> broken =
+          find_broken(image_, map_, required_, mesh_, components,
+                      component_fates(image_, map_, mesh_, components, plain, to_image_, execution_), options_.left_out,
+                      execution_);
       SmallPieces small = find_small_pieces<Dim>(image_, map_, required_, mesh_, components, execution_);
       report_.anchors = std::move(small.anchors);
       if ((pinches.empty() && broken.empty() && small.strays.empty()) || report_.rounds == options_.rounds)
@@ -122,6 +129,7 @@ class Repairer {
   const RepairOptions& options_;
   Execution& execution_;
   const ComponentMap map_;
+  const UniformBlocks<Dim> uniform_;
   std::vector<MaterialId> to_image_;
   std::vector<std::uint8_t> required_;  // one a component of the image
   RepairReport report_;

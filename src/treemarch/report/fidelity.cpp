@@ -5,7 +5,7 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
-#include <numeric>
+#include <memory>
 
 #include "treemarch/core/parallel.h"
 #include "treemarch/mesh/cell_topology.h"
@@ -28,6 +28,19 @@ void lower(T& value, T to) {
   }
 }
 
+/// Voxels by label: in the image, in the mesh, and in both.
+struct Overlap {
+  std::vector<std::int64_t> image, mesh, both;
+  explicit Overlap(std::size_t n = 0) : image(n), mesh(n), both(n) {}
+  void add(const Overlap& other) {
+    for (std::size_t m = 0; m < image.size(); ++m) {
+      image[m] += other.image[m];
+      mesh[m] += other.mesh[m];
+      both[m] += other.both[m];
+    }
+  }
+};
+
 /// Gives each voxel the material of the simplex that contains its centre. Where several do, its own material wins, then
 /// the smallest: the same for any order of the simplices.
 template <class T, int Dim>
@@ -36,38 +49,64 @@ class Painter {
   static constexpr T kNone = std::numeric_limits<T>::max();
   static constexpr T kOwn = 0;  ///< the voxel's own material; others are stored as their number + 1
 
-  explicit Painter(const LabelImage<Dim>& image)
-      : image_(image), centres_(image), owner_(static_cast<std::size_t>(product(image.extent)), kNone) {}
+  /// Only the first voxel of a plain block is painted.
+  Painter(const LabelImage<Dim>& image, const PlainBlocks<Dim>& plain, const Execution& execution)
+      : image_(image),
+        plain_(plain),
+        centres_(image),
+        owner_(std::make_unique_for_overwrite<T[]>(static_cast<std::size_t>(product(image.extent)))) {
+    parallel_for(execution, plain.size(), 256, [&](std::int64_t b) {
+      const VoxelBox<Dim> box = voxels_of_block(coord_of(b, plain.extent()), image.extent);
+      if (plain[b])
+        owner_[static_cast<std::size_t>(linear_index(box.begin, image.extent))] = kNone;
+      else
+        for_each_row(box, image.extent, [&](const Coord<Dim>& c, std::int64_t at) {
+          std::fill_n(owner_.get() + at, box.end[0] - c[0], kNone);
+        });
+    });
+  }
 
   void paint(const Simplex<Dim>& simplex, MaterialId material) {
     const auto paint_for = [&](std::int64_t v) {
       return image_.voxels[v] == material ? kOwn : static_cast<T>(material + 1);
     };
     centres_.visit(
-        simplex,
+        simplex, plain_,
         [&](std::int64_t v) {
           return paint_for(v) < std::atomic_ref(owner_[static_cast<std::size_t>(v)]).load(std::memory_order_relaxed);
         },
         [&](std::int64_t v) { lower(owner_[static_cast<std::size_t>(v)], paint_for(v)); });
   }
-  [[nodiscard]] const std::vector<T>& owner() const { return owner_; }
+
+  /// Adds the voxels of a block.
+  void count(std::int64_t block, Overlap& sum) const {
+    const VoxelBox<Dim> box = voxels_of_block(coord_of(block, plain_.extent()), image_.extent);
+    if (plain_[block]) return count(linear_index(box.begin, image_.extent), box.size(), sum);
+    for_each_row(box, image_.extent, [&](const Coord<Dim>& c, std::int64_t at) {
+      for (std::int64_t v = at; v < at + box.end[0] - c[0]; ++v) count(v, 1, sum);
+    });
+  }
 
  private:
-  const LabelImage<Dim>& image_;
-  VoxelCentres<Dim> centres_;
-  std::vector<T> owner_;
-};
+  void count(std::int64_t voxel, std::int64_t times, Overlap& sum) const {
+    const MaterialId in_image = image_.voxels[voxel];
+    const T paint = owner_[static_cast<std::size_t>(voxel)];
+    sum.image[in_image] += times;
+    if (paint == kNone) return;
+    sum.mesh[paint == kOwn ? in_image : paint - 1] += times;
+    if (paint == kOwn) sum.both[in_image] += times;
+  }
 
-/// Voxels by label: in the image, in the mesh, and in both.
-struct Overlap {
-  std::vector<std::int64_t> image, mesh, both;
-  explicit Overlap(std::size_t n = 0) : image(n), mesh(n), both(n) {}
+  const LabelImage<Dim>& image_;
+  const PlainBlocks<Dim>& plain_;
+  VoxelCentres<Dim> centres_;
+  std::unique_ptr<T[]> owner_;
 };
 
 template <class T, int Dim>
-Overlap overlap(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, const std::vector<MaterialId>& to_image,
-                const Execution& execution) {
-  Painter<T, Dim> painter(image);
+Overlap overlap(const LabelImage<Dim>& image, const PlainBlocks<Dim>& plain, const Mesh<Dim>& mesh,
+                const std::vector<MaterialId>& to_image, const Execution& execution) {
+  Painter<T, Dim> painter(image, plain, execution);
   const auto ranges = cell_ranges(mesh);
   parallel_for(execution, std::ssize(ranges), 1, [&](std::int64_t r) {
     const CellRange<Dim>& range = ranges[static_cast<std::size_t>(r)];
@@ -79,42 +118,26 @@ Overlap overlap(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, const std::
   });
 
   constexpr std::int64_t kTables = 16;  // bounds the memory where there are many labels
-  const std::size_t materials = image.labels.size();
-  const std::int64_t voxels = product(image.extent), block = block_count(voxels, kTables);
-  std::vector<Overlap> partial(static_cast<std::size_t>(block_count(voxels, block)));
-  parallel_for(execution, std::ssize(partial), 1, [&](std::int64_t b) {
-    Overlap& sum = partial[static_cast<std::size_t>(b)] = Overlap(materials);
-    for (std::int64_t v = b * block; v < std::min(voxels, (b + 1) * block); ++v) {
-      const MaterialId in_image = image.voxels[v];
-      const T paint = painter.owner()[static_cast<std::size_t>(v)];
-      ++sum.image[in_image];
-      if (paint == Painter<T, Dim>::kNone) continue;
-      if (paint == Painter<T, Dim>::kOwn) {
-        ++sum.mesh[in_image];
-        ++sum.both[in_image];
-      } else {
-        ++sum.mesh[paint - 1];
-      }
-    }
-  });
-  Overlap total(materials);
-  for (const Overlap& p : partial) {
-    for (std::size_t m = 0; m < materials; ++m) {
-      total.image[m] += p.image[m];
-      total.mesh[m] += p.mesh[m];
-      total.both[m] += p.both[m];
-    }
-  }
-  return total;
+  return parallel_reduce(
+      execution, plain.size(), block_count(plain.size(), kTables), Overlap(image.labels.size()),
+      [&](std::int64_t begin, std::int64_t end) {
+        Overlap sum(image.labels.size());
+        for (std::int64_t b = begin; b < end; ++b) painter.count(b, sum);
+        return sum;
+      },
+      [](Overlap a, const Overlap& b) {
+        a.add(b);
+        return a;
+      });
 }
 
 /// \param to_image the image's material of each material of the mesh.
 template <int Dim>
-Overlap overlap(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, const std::vector<MaterialId>& to_image,
-                const Execution& execution) {
-  if (image.labels.size() < 0xfe) return overlap<std::uint8_t>(image, mesh, to_image, execution);
-  if (image.labels.size() < 0xfffe) return overlap<std::uint16_t>(image, mesh, to_image, execution);
-  return overlap<std::uint32_t>(image, mesh, to_image, execution);
+Overlap overlap(const LabelImage<Dim>& image, const PlainBlocks<Dim>& plain, const Mesh<Dim>& mesh,
+                const std::vector<MaterialId>& to_image, const Execution& execution) {
+  if (image.labels.size() < 0xfe) return overlap<std::uint8_t>(image, plain, mesh, to_image, execution);
+  if (image.labels.size() < 0xfffe) return overlap<std::uint16_t>(image, plain, mesh, to_image, execution);
+  return overlap<std::uint32_t>(image, plain, mesh, to_image, execution);
 }
 
 template <int Dim>
@@ -186,8 +209,10 @@ Fidelity measure_fidelity(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, s
   const std::vector<MaterialId> to_image = match_labels(mesh.labels, image.labels);
   const ComponentMap map = map_components(image, execution);
   const MeshComponents<Dim> components(mesh, execution);
+  const UniformBlocks<Dim> uniform(image, execution);
+  const PlainBlocks<Dim> plain(image, uniform, mesh, components.facets(), execution);
   Fidelity fidelity;
-  fidelity.labels = compare_labels(image, overlap(image, mesh, to_image, execution), map, background);
+  fidelity.labels = compare_labels(image, overlap(image, plain, mesh, to_image, execution), map, background);
   for (const LabelFidelity& in_mesh : label_sums(mesh, components, execution).labels) {
     const auto at = std::ranges::lower_bound(fidelity.labels, in_mesh.label, {}, &LabelFidelity::label);
     if (at == fidelity.labels.end() || at->label != in_mesh.label) {
@@ -200,9 +225,9 @@ Fidelity measure_fidelity(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, s
   }
   if constexpr (Dim < 4) {
     fidelity.interfaces = measure_interfaces(image, mesh, to_image, background, components.facets(), execution);
-    const std::vector<ComponentFate> fates = component_fates(image, map, mesh, components, to_image, execution);
+    const std::vector<ComponentFate> fates = component_fates(image, map, mesh, components, plain, to_image, execution);
     fidelity.topology =
-        report_topology<Dim>({image, mesh, map, components, fates}, background, min_component, execution);
+        report_topology<Dim>({image, uniform, mesh, map, components, fates}, background, min_component, execution);
   }
   return fidelity;
 }

@@ -178,7 +178,7 @@ TopologyReport report_topology(const TopologyInput<Dim>& in, std::int32_t backgr
   report.min_component = min_component;
   Coord<Dim> corners = in.image.extent;
   for (auto& c : corners) ++c;
-  const std::vector<ImagePinch> pinches = find_image_pinches(in.image, execution);
+  const std::vector<ImagePinch> pinches = find_image_pinches(in.image, in.uniform, execution);
   report.image_pinches = std::ssize(pinches);
   list_broken(in, background, report);
   list_contacts<Dim>(in, pinches, corners, background, report);

@@ -57,6 +57,7 @@ struct TopologyReport {
 template <int Dim>
 struct TopologyInput {
   const LabelImage<Dim>& image;
+  const UniformBlocks<Dim>& uniform;
   const Mesh<Dim>& mesh;
   const ComponentMap& map;
   const MeshComponents<Dim>& components;

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "treemarch/core/parallel.h"
+#include "treemarch/image/uniform_blocks.h"
 #include "treemarch/sizing/error_sizing.h"
 #include "treemarch/sizing/grading.h"
 #include "treemarch/sizing/lattice_cover.h"
@@ -70,60 +71,124 @@ class Levels {
   std::vector<Pair> pairs_;
 };
 
-/// What each voxel demands.
-/// \param sizes of voxels, in lists of one a voxel each, or empty; 0 demands nothing.
+/// What voxels demand of the cells that they overlap.
 template <int Dim>
-std::vector<std::uint8_t> voxel_levels(const LabelImage<Dim>& image, const Levels& levels,
-                                       const std::array<std::span<const float>, 2>& sizes, const Execution& execution) {
-  std::vector<std::uint8_t> result(static_cast<std::size_t>(image.voxels.size()));
-  const std::int64_t row = image.extent[0];
-  std::array<std::int64_t, Dim> stride{};
-  for (std::int64_t d = 0, n = 1; d < Dim; n *= image.extent[d++]) stride[d] = n;
-  image.voxels.visit([&](const auto* voxels) {
-    parallel_for(execution, image.voxels.size() / row, std::max<std::int64_t>(1, 16384 / row), [&](std::int64_t r) {
-      Coord<Dim> c = coord_of(r * row, image.extent);
-      for (std::int64_t i = r * row; i < (r + 1) * row; ++i, ++c[0]) {
-        const auto own = voxels[i];
+class Demand {
+ public:
+  /// \param sizes of voxels, in lists of one a voxel each, or empty; 0 demands nothing.
+  Demand(const LabelImage<Dim>& image, const Levels& levels, const std::array<std::span<const float>, 2>& sizes,
+         const Coord<Dim>& cells, const Execution& execution)
+      : image_(image), uniform_(image, execution), levels_(levels), sizes_(sizes), cells_(cells) {
+    for (std::int64_t d = 0, n = 1; d < Dim; n *= image.extent[d++]) {
+      stride_[d] = n;
+      const AxisCover cells_of(cells[d], image.extent[d]);  // the voxels cover cells as cells do voxels
+      for (std::int32_t v = 0; v < image.extent[d]; ++v)
+        spans_[d].push_back({cells_of.first_voxel(v), cells_of.last_voxel(v + 1) + 1});
+    }
+  }
+
+  /// Raises the level of each cell to the highest that is demanded of it.
+  void raise(std::vector<std::uint8_t>& levels, const Execution& execution) const {
+    // By layers of cells, so that no two threads write to one of them.
+    constexpr int kLast = Dim - 1;
+    const AxisCover cover(image_.extent[kLast], cells_[kLast]);
+    const std::int64_t per_task =
+        std::max<std::int64_t>(1, UniformBlocks<Dim>::kSide * cover.cells / std::max<std::int64_t>(1, cover.voxels));
+    parallel_for(execution, block_count(cover.cells, per_task), 1, [&](std::int64_t task) {
+      Layers layers{static_cast<std::int32_t>(task * per_task),
+                    static_cast<std::int32_t>(std::min(cover.cells, (task + 1) * per_task)), levels.data()};
+      const std::int32_t first = cover.first_voxel(layers.begin), last = cover.last_voxel(layers.end);
+      VoxelBox<Dim> blocks{{}, uniform_.extent()};
+      blocks.begin[kLast] = first >> UniformBlocks<Dim>::kShift;
+      blocks.end[kLast] = (last >> UniformBlocks<Dim>::kShift) + 1;
+      for_each_row(blocks, uniform_.extent(), [&](Coord<Dim> block, std::int64_t) {
+        for (; block[0] < blocks.end[0]; ++block[0]) {
+          VoxelBox<Dim> box = voxels_of_block(block, image_.extent);
+          box.begin[kLast] = std::max(box.begin[kLast], first);
+          box.end[kLast] = std::min(box.end[kLast], last + 1);
+          raise(box, layers);
+        }
+      });
+    });
+  }
+
+ private:
+  struct Span {
+    std::int32_t begin, end;  // cells
+  };
+  /// Cells of some layers along the last axis.
+  struct Layers {
+    std::int32_t begin, end;
+    std::uint8_t* levels;  // of all cells
+  };
+
+  void raise(const VoxelBox<Dim>& box, const Layers& layers) const {
+    Coord<Dim> around = box.begin;  // and one voxel more
+    for (auto& c : around) c = std::max(0, c - 1);
+    const MaterialId material = uniform_.within(around, box.end);
+    if (material != UniformBlocks<Dim>::kMixed)
+      raise_to(box, levels_.material(material), layers);
+    else
+      image_.voxels.visit([&](const auto* voxels) { raise_by_voxels(box, voxels, layers); });
+    for (const std::span<const float> list : sizes_)
+      if (!list.empty()) raise_by_sizes(box, list, layers);
+  }
+
+  template <class T>
+  void raise_by_voxels(const VoxelBox<Dim>& box, const T* voxels, const Layers& layers) const {
+    for_each_row(box, image_.extent, [&](Coord<Dim> c, std::int64_t i) {
+      for (; c[0] < box.end[0]; ++c[0], ++i) {
+        const T own = voxels[i];
         std::uint8_t level = 0;
         bool inside = true;
         const auto look = [&](std::int64_t neighbour) {
           if (voxels[neighbour] == own) return;
-          level = std::max(level, levels.interface(own, voxels[neighbour]));
+          level = std::max(level, levels_.interface(own, voxels[neighbour]));
           inside = false;
         };
         for (int d = 0; d < Dim; ++d) {
-          if (c[d] > 0) look(i - stride[d]);
-          if (c[d] + 1 < image.extent[d]) look(i + stride[d]);
+          if (c[d] > 0) look(i - stride_[d]);
+          if (c[d] + 1 < image_.extent[d]) look(i + stride_[d]);
         }
-        if (inside) level = levels.material(own);
-        for (const auto& list : sizes)
-          if (!list.empty() && list[i] > 0) level = std::max(level, levels.level_of(list[i]));
-        result[i] = level;
+        raise_to(one_voxel(c), inside ? levels_.material(own) : level, layers);
       }
     });
-  });
-  return result;
-}
+  }
+  void raise_by_sizes(const VoxelBox<Dim>& box, std::span<const float> sizes, const Layers& layers) const {
+    for_each_row(box, image_.extent, [&](Coord<Dim> c, std::int64_t i) {
+      for (; c[0] < box.end[0]; ++c[0], ++i)
+        if (const float size = sizes[static_cast<std::size_t>(i)]; size > 0)
+          raise_to(one_voxel(c), levels_.level_of(size), layers);
+    });
+  }
+  static VoxelBox<Dim> one_voxel(const Coord<Dim>& voxel) {
+    VoxelBox<Dim> box{voxel, voxel};
+    for (auto& c : box.end) ++c;
+    return box;
+  }
 
-/// The largest entry among the voxels that each cell overlaps along one axis; the other axes stay as they are.
-template <int Dim>
-std::vector<std::uint8_t> to_cells(const std::vector<std::uint8_t>& in, const Coord<Dim>& extent, int axis,
-                                   std::int32_t cells, const Execution& execution) {
-  const AxisCover cover(extent[axis], cells);
-  std::int64_t row = 1;
-  for (int d = 0; d < axis; ++d) row *= extent[d];
-  const auto rows = static_cast<std::int64_t>(in.size()) / row / extent[axis] * cells;
-  std::vector<std::uint8_t> out(static_cast<std::size_t>(rows * row), 0);
-  parallel_for(execution, rows, std::max<std::int64_t>(1, 16384 / row), [&](std::int64_t r) {
-    const std::int64_t cell = r % cells;
-    std::uint8_t* to = out.data() + r * row;
-    for (std::int64_t v = cover.first_voxel(cell); v <= cover.last_voxel(cell + 1); ++v) {
-      const std::uint8_t* from = in.data() + (r / cells * extent[axis] + v) * row;
-      for (std::int64_t i = 0; i < row; ++i) to[i] = std::max(to[i], from[i]);
+  /// All cells that a box of voxels overlaps.
+  void raise_to(const VoxelBox<Dim>& voxels, std::uint8_t level, const Layers& layers) const {
+    VoxelBox<Dim> cells;
+    for (int d = 0; d < Dim; ++d) {
+      cells.begin[d] = spans_[d][static_cast<std::size_t>(voxels.begin[d])].begin;
+      cells.end[d] = spans_[d][static_cast<std::size_t>(voxels.end[d] - 1)].end;
     }
-  });
-  return out;
-}
+    cells.begin[Dim - 1] = std::max(cells.begin[Dim - 1], layers.begin);
+    cells.end[Dim - 1] = std::min(cells.end[Dim - 1], layers.end);
+    for_each_row(cells, cells_, [&](const Coord<Dim>& c, std::int64_t at) {
+      for (std::int64_t i = at; i < at + cells.end[0] - c[0]; ++i) layers.levels[i] = std::max(layers.levels[i], level);
+    });
+  }
+
+  const LabelImage<Dim>& image_;
+  const UniformBlocks<Dim> uniform_;
+  const Levels& levels_;
+  const std::array<std::span<const float>, 2>& sizes_;
+  const Coord<Dim> cells_;
+  std::array<std::int64_t, Dim> stride_{};
+  std::array<std::vector<Span>, Dim> spans_;  // cells that each voxel overlaps, by axis
+};
 
 }  // namespace
 
@@ -136,14 +201,9 @@ std::vector<std::uint8_t> required_levels(const LabelImage<Dim>& image, const Si
     layers = layer_sizes(image, rule.layers,
                          rule.layer_floor > 0 ? rule.layer_floor : longest_side(lattice, lattice.deepest_level),
                          longest_side(lattice, 0), execution);
-  std::vector<std::uint8_t> levels = voxel_levels(image, by_rule, {rule.voxel_size, layers}, execution);
-  Coord<Dim> extent = image.extent;
-  for (int d = 0; d < Dim; ++d) {
-    const std::int32_t cells = lattice.lattice.extent[d];
-    if (cells == extent[d]) continue;
-    levels = to_cells(levels, extent, d, cells, execution);
-    extent[d] = cells;
-  }
+  std::vector<std::uint8_t> levels(static_cast<std::size_t>(product(lattice.lattice.extent)));
+  const std::array<std::span<const float>, 2> sizes{rule.voxel_size, layers};
+  Demand<Dim>(image, by_rule, sizes, lattice.lattice.extent, execution).raise(levels, execution);
   if (rule.tolerance > 0) {
     const int last = rule.floor_size > 0 ? by_rule.level_of(rule.floor_size) : lattice.deepest_level;
     refine_by_error(image, lattice, rule.tolerance, last, levels, execution);

@@ -64,8 +64,8 @@ class Fates {
 
 template <int Dim>
 std::vector<ComponentFate> component_fates(const LabelImage<Dim>& image, const ComponentMap& map, const Mesh<Dim>& mesh,
-                                           const MeshComponents<Dim>& components, std::span<const MaterialId> to_image,
-                                           const Execution& execution) {
+                                           const MeshComponents<Dim>& components, const PlainBlocks<Dim>& plain,
+                                           std::span<const MaterialId> to_image, const Execution& execution) {
   Fates<Dim> fates(map, components, image.labels.size(), to_image, execution);
   const VoxelCentres<Dim> centres(image);
   for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
@@ -76,7 +76,7 @@ std::vector<ComponentFate> component_fates(const LabelImage<Dim>& image, const C
       std::uint32_t component = ComponentFate::kNone;  // looked up when it is needed
       for_each_simplex(mesh, block, c, [&](const Simplex<Dim>& simplex) {
         centres.visit(
-            simplex,
+            simplex, plain,
             [&](std::int64_t v) {
               if (image.voxels[v] != material) return false;
               if (component == ComponentFate::kNone) component = components.of(b, c);
@@ -104,8 +104,8 @@ std::vector<MaterialId> match_labels(const std::vector<std::int32_t>& mesh, cons
 
 #define TREEMARCH_INSTANTIATE(DIM)                                                                                   \
   template std::vector<ComponentFate> component_fates(const LabelImage<DIM>&, const ComponentMap&, const Mesh<DIM>&, \
-                                                      const MeshComponents<DIM>&, std::span<const MaterialId>,       \
-                                                      const Execution&);
+                                                      const MeshComponents<DIM>&, const PlainBlocks<DIM>&,           \
+                                                      std::span<const MaterialId>, const Execution&);
 TREEMARCH_INSTANTIATE(2)
 TREEMARCH_INSTANTIATE(3)
 #undef TREEMARCH_INSTANTIATE

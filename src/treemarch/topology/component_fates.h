@@ -11,6 +11,7 @@
 #include "treemarch/mesh/mesh.h"
 #include "treemarch/topology/image_components.h"
 #include "treemarch/topology/mesh_components.h"
+#include "treemarch/topology/plain_blocks.h"
 
 namespace treemarch {
 
@@ -27,11 +28,12 @@ struct ComponentFate {
 
 /// The fate of each component. A voxel belongs to the cells of its own label that contain its centre.
 /// \param to_image the image's material of each material of the mesh, kOutside where the image lacks the label
+/// \param plain blocks of the image beside the borders of these components
 /// \pre the points are in the inner frame of the image
 template <int Dim>
 std::vector<ComponentFate> component_fates(const LabelImage<Dim>& image, const ComponentMap& map, const Mesh<Dim>& mesh,
-                                           const MeshComponents<Dim>& components, std::span<const MaterialId> to_image,
-                                           const Execution& execution);
+                                           const MeshComponents<Dim>& components, const PlainBlocks<Dim>& plain,
+                                           std::span<const MaterialId> to_image, const Execution& execution);
 
 /// The image's material of each material of a mesh, kOutside where the image lacks the label.
 std::vector<MaterialId> match_labels(const std::vector<std::int32_t>& mesh, const std::vector<std::int32_t>& image);

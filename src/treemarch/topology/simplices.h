@@ -34,17 +34,18 @@ class Barycentric {
     for (int i = 1; i <= Dim; ++i) least = std::min(least, coordinate(x, i));
     return least;
   }
+  /// One barycentric coordinate, 1 at that corner. \pre is_valid()
+  [[nodiscard]] double coordinate(const Vec<Dim>& x, int corner) const {
+    Simplex<Dim> s = simplex_;
+    s[corner] = x;
+    return volume(s) / volume_;
+  }
 
  private:
   static double volume(const Simplex<Dim>& s) {
     std::array<Vec<Dim>, Dim> edges;
     for (int i = 0; i < Dim; ++i) edges[i] = s[i + 1] - s[0];
     return determinant<Dim>(edges);
-  }
-  [[nodiscard]] double coordinate(const Vec<Dim>& x, int corner) const {
-    Simplex<Dim> s = simplex_;
-    s[corner] = x;
-    return volume(s) / volume_;
   }
   Simplex<Dim> simplex_;
   double volume_;

@@ -8,6 +8,8 @@
 #include <cstdint>
 
 #include "treemarch/image/label_image.h"
+#include "treemarch/image/uniform_blocks.h"
+#include "treemarch/topology/plain_blocks.h"
 #include "treemarch/topology/simplices.h"
 
 namespace treemarch {
@@ -25,47 +27,149 @@ class VoxelCentres {
   /// those for which wanted(position) is true are tested. Degenerate simplices contain none.
   template <class Wanted, class Use>
   void visit(const Simplex<Dim>& simplex, Wanted&& wanted, Use&& use) const {
-    std::array<Span, Dim> spans;
-    for (int d = 0; d < Dim; ++d) {
-      spans[d] = centres_between(simplex, d);
-      if (spans[d].begin >= spans[d].end) return;
-    }
-    const Barycentric<Dim> barycentric(simplex);
-    if (!barycentric.is_valid()) return;
-    Coord<Dim> voxel;
-    for (int d = 0; d < Dim; ++d) voxel[d] = spans[d].begin;
-    while (true) {
-      const std::int64_t v = linear_index(voxel, image_.extent);
-      if (wanted(v) && barycentric.contains(image_.centre(voxel), kTolerance)) use(v);
-      int d = 0;
-      while (d < Dim && ++voxel[d] == spans[d].end) {
-        voxel[d] = spans[d].begin;
-        ++d;
+    const VoxelBox<Dim> box = box_of(simplex);
+    if (is_empty(box)) return;
+    Inside inside(image_, simplex, box);
+    visit_box(box, inside, wanted, use);
+  }
+
+  /// The same by blocks: of a plain block only the first voxel is looked at, which stands for all of them.
+  template <class Wanted, class Use>
+  void visit(const Simplex<Dim>& simplex, const PlainBlocks<Dim>& plain, Wanted&& wanted, Use&& use) const {
+    const VoxelBox<Dim> box = box_of(simplex);
+    if (is_empty(box)) return;
+    Inside inside(image_, simplex, box);
+    const Coord<Dim> first = UniformBlocks<Dim>::block_of(box.begin);
+    Coord<Dim> count;
+    for (int d = 0; d < Dim; ++d) count[d] = ((box.end[d] - 1) >> UniformBlocks<Dim>::kShift) - first[d] + 1;
+    for (std::int64_t i = 0; i < product(count); ++i) {
+      Coord<Dim> block = coord_of(i, count);
+      for (int d = 0; d < Dim; ++d) block[d] += first[d];
+      VoxelBox<Dim> part = voxels_of_block(block, image_.extent);
+      if (plain[linear_index(block, plain.extent())])
+        for (int d = 0; d < Dim; ++d) part.end[d] = part.begin[d] + 1;
+      for (int d = 0; d < Dim; ++d) {
+        part.begin[d] = std::max(part.begin[d], box.begin[d]);
+        part.end[d] = std::min(part.end[d], box.end[d]);
       }
-      if (d == Dim) return;
+      if (!is_empty(part)) visit_box(part, inside, wanted, use);
     }
   }
 
  private:
   static constexpr double kTolerance = 1e-9;  // of barycentric coordinates
 
-  /// Voxels whose centres lie between two planes across one axis: first and one past the last, within the image.
-  struct Span {
-    std::int32_t begin, end;
+  /// Barycentric coordinates along rows of voxels: linear functions tell all but the centres that are close to a facet.
+  class Inside {
+   public:
+    Inside(const LabelImage<Dim>& image, const Simplex<Dim>& simplex, const VoxelBox<Dim>& box)
+        : image_(image), barycentric_(simplex), box_(box) {}
+    [[nodiscard]] bool is_possible() const { return barycentric_.is_valid(); }
+    [[nodiscard]] bool contains(const Coord<Dim>& voxel) const {
+      return barycentric_.contains(image_.centre(voxel), kTolerance);
+    }
+
+    /// Makes it ready for rows; false where the coordinates are too steep for that.
+    bool prepare() {
+      if (!is_ready_) {
+        is_ready_ = true;
+        const Vec<Dim> origin = image_.centre(box_.begin);
+        double most = 0;
+        for (int i = 0; i <= Dim; ++i) {
+          at_begin_[i] = barycentric_.coordinate(origin, i);
+          double range = std::abs(at_begin_[i]);
+          for (int d = 0; d < Dim; ++d) {
+            Coord<Dim> next = box_.begin;
+            ++next[d];
+            step_[i][d] = barycentric_.coordinate(image_.centre(next), i) - at_begin_[i];
+            range += std::abs(step_[i][d]) * (box_.end[d] - box_.begin[d]);
+          }
+          most = std::max(most, range);
+        }
+        is_sound_ = most < kSteepest;
+      }
+      return is_sound_;
+    }
+
+    /// Calls f(x, sure) for the voxels [first, end) of a row that may lie in the simplex. \pre prepare()
+    template <class F>
+    void visit_row(const Coord<Dim>& first, std::int32_t end, F&& f) const {
+      double low = first[0] - box_.begin[0], high = end - 1 - box_.begin[0];
+      std::array<double, Dim + 1> value;  // at the begin of the box, in this row
+      for (int i = 0; i <= Dim; ++i) {
+        value[i] = at_begin_[i];
+        for (int d = 1; d < Dim; ++d) value[i] += step_[i][d] * (first[d] - box_.begin[d]);
+        const double slope = step_[i][0];
+        if (std::abs(slope) < kSlack / kSteepest) {
+          if (value[i] < -2 * kSlack) return;
+        } else if (slope > 0) {
+          low = std::max(low, (-kSlack - value[i]) / slope);
+        } else {
+          high = std::min(high, (-kSlack - value[i]) / slope);
+        }
+      }
+      if (low > high) return;
+      for (auto x = static_cast<std::int32_t>(std::ceil(low)); x <= high; ++x) {
+        double least = 1;
+        for (int i = 0; i <= Dim; ++i) least = std::min(least, value[i] + step_[i][0] * x);
+        f(box_.begin[0] + x, least > kSlack);
+      }
+    }
+
+   private:
+    // Far above the rounding errors of coordinates up to kSteepest, far below what matters.
+    static constexpr double kSlack = 1e-6, kSteepest = 1e6;
+
+    const LabelImage<Dim>& image_;
+    const Barycentric<Dim> barycentric_;
+    const VoxelBox<Dim> box_;
+    bool is_ready_ = false, is_sound_ = false;
+    std::array<double, Dim + 1> at_begin_;
+    std::array<Vec<Dim>, Dim + 1> step_;
   };
 
-  [[nodiscard]] Span centres_between(const Simplex<Dim>& simplex, int axis) const {
+  template <class Wanted, class Use>
+  void visit_box(const VoxelBox<Dim>& box, Inside& inside, Wanted&& wanted, Use&& use) const {
+    constexpr std::int64_t kFew = 16;  // not worth the preparation
+    if (!inside.is_possible()) return;
+    const bool by_rows = box.size() > kFew && inside.prepare();
+    for_each_row(box, image_.extent, [&](Coord<Dim> c, std::int64_t at) {
+      const std::int64_t origin = at - c[0];
+      const auto look = [&](std::int32_t x, bool sure) {
+        if (!wanted(origin + x)) return;
+        c[0] = x;
+        if (sure || inside.contains(c)) use(origin + x);
+      };
+      if (by_rows)
+        inside.visit_row(c, box.end[0], look);
+      else
+        for (std::int32_t x = c[0]; x < box.end[0]; ++x) look(x, false);
+    });
+  }
+
+  static bool is_empty(const VoxelBox<Dim>& box) {
+    for (int d = 0; d < Dim; ++d)
+      if (box.begin[d] >= box.end[d]) return true;
+    return false;
+  }
+
+  /// Voxels whose centres lie between the planes around a simplex, within the image.
+  [[nodiscard]] VoxelBox<Dim> box_of(const Simplex<Dim>& simplex) const {
     constexpr double kSlack = 1e-9;
-    double lo = simplex[0][axis], hi = lo;
-    for (const Vec<Dim>& p : simplex) {
-      lo = std::min(lo, p[axis]);
-      hi = std::max(hi, p[axis]);
+    VoxelBox<Dim> box;
+    for (int d = 0; d < Dim; ++d) {
+      double low = simplex[0][d], high = low;
+      for (const Vec<Dim>& p : simplex) {
+        low = std::min(low, p[d]);
+        high = std::max(high, p[d]);
+      }
+      const double extent = image_.extent[d];
+      const double begin = std::ceil(low * voxels_per_length_[d] - 0.5 - kSlack);
+      const double end = std::floor(high * voxels_per_length_[d] - 0.5 + kSlack) + 1;
+      box.begin[d] = static_cast<std::int32_t>(std::clamp(begin, 0.0, extent));
+      box.end[d] = static_cast<std::int32_t>(std::clamp(end, 0.0, extent));
     }
-    const double extent = image_.extent[axis];
-    const double begin = std::ceil(lo * voxels_per_length_[axis] - 0.5 - kSlack);
-    const double end = std::floor(hi * voxels_per_length_[axis] - 0.5 + kSlack) + 1;
-    return {static_cast<std::int32_t>(std::clamp(begin, 0.0, extent)),
-            static_cast<std::int32_t>(std::clamp(end, 0.0, extent))};
+    return box;
   }
 
   const LabelImage<Dim>& image_;

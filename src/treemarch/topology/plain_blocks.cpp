@@ -1,0 +1,53 @@
+#include "treemarch/topology/plain_blocks.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+
+#include "treemarch/core/parallel.h"
+#include "treemarch/mesh/cell_topology.h"
+
+namespace treemarch {
+
+template <int Dim>
+PlainBlocks<Dim>::PlainBlocks(const LabelImage<Dim>& image, const UniformBlocks<Dim>& uniform, const Mesh<Dim>& mesh,
+                              std::span<const BorderFacet> borders, const Execution& execution)
+    : uniform_(uniform), plain_(static_cast<std::size_t>(uniform.size())) {
+  constexpr double kSide = UniformBlocks<Dim>::kSide;
+  constexpr double kSlack = 1e-3;  // voxels; far more than the tolerance of any test
+  for (std::int64_t b = 0; b < size(); ++b)
+    plain_[static_cast<std::size_t>(b)] = uniform_[b] != UniformBlocks<Dim>::kMixed;
+  // A border crosses a block if its box overlaps that of the centres of the voxels.
+  parallel_for(execution, std::ssize(borders), 4096, [&](std::int64_t i) {
+    const FacetSide& side = borders[static_cast<std::size_t>(i)].side;
+    const CellBlock& block = mesh.blocks[side.block];
+    const LocalFacet& facet = topology(block.type).facets[side.facet];
+    const VertexId* cell = block.cell(side.cell);
+    VoxelBox<Dim> box;
+    for (int d = 0; d < Dim; ++d) {
+      double low = mesh.points[cell[facet.vertex[0]]][d], high = low;
+      for (int k = 1; k < facet.size; ++k) {
+        const double x = mesh.points[cell[facet.vertex[static_cast<std::size_t>(k)]]][d];
+        low = std::min(low, x);
+        high = std::max(high, x);
+      }
+      const double h = image.frame.spacing[d];
+      const double blocks = extent()[d];
+      const double begin = std::ceil((low / h - kSlack + 0.5) / kSide - 1);
+      const double end = std::floor((high / h + kSlack - 0.5) / kSide) + 1;
+      box.begin[d] = static_cast<std::int32_t>(std::clamp(begin, 0.0, blocks));
+      box.end[d] = static_cast<std::int32_t>(std::clamp(end, 0.0, blocks));
+      if (box.begin[d] >= box.end[d]) return;
+    }
+    for_each_row(box, extent(), [&](const Coord<Dim>&, std::int64_t at) {
+      for (std::int64_t b = at; b < at + box.end[0] - box.begin[0]; ++b)
+        std::atomic_ref(plain_[static_cast<std::size_t>(b)]).store(0, std::memory_order_relaxed);
+    });
+  });
+}
+
+template class PlainBlocks<2>;
+template class PlainBlocks<3>;
+template class PlainBlocks<4>;
+
+}  // namespace treemarch
