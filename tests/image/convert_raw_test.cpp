@@ -19,12 +19,11 @@ RawImage line_of(SampleType type, const std::vector<T>& values) {
   RawImage raw;
   raw.extent = {static_cast<std::int64_t>(values.size()), 1, 1};
   raw.type = type;
-  raw.allocate("line");
-  std::memcpy(raw.data.get(), values.data(), values.size() * sizeof(T));
+  std::memcpy(raw.allocate(), values.data(), values.size() * sizeof(T));
   return raw;
 }
 
-std::string error_with(const RawImage& raw, const LabelRules& rules = {}) {
+std::string error_with(RawImage raw, const LabelRules& rules = {}) {
   const Execution execution(2);
   try {
     convert_labels("file", raw, 0, 1, rules, execution);
@@ -61,8 +60,8 @@ TEST(ConvertLabels, ValuesThatAreNoLabels) {
 
 TEST(ConvertLabels, ThresholdIsInclusive) {
   const Execution execution(1);
-  const EncodedLabels labels = convert_labels("file", line_of<std::int16_t>(SampleType::i16, {-5, 62, 63, 64}), 0, 1,
-                                              {.threshold = 63}, execution);
+  RawImage raw = line_of<std::int16_t>(SampleType::i16, {-5, 62, 63, 64});
+  const EncodedLabels labels = convert_labels("file", raw, 0, 1, {.threshold = 63}, execution);
   std::vector<std::int32_t> values;
   for (std::int64_t i = 0; i < 4; ++i) values.push_back(labels.labels[labels.voxels[i]]);
   EXPECT_EQ(values, (std::vector<std::int32_t>{0, 0, 1, 1}));
@@ -81,6 +80,53 @@ TEST(ConvertLabels, GreyImagesAreToldFromLabelsByTheirNeighbours) {
   EXPECT_EQ(error_with(line_of(SampleType::u8, grey), {.any_labels = true}), "");
   EXPECT_EQ(error_with(line_of(SampleType::u8, grey), {.threshold = 9}), "");
   EXPECT_EQ(error_with(line_of(SampleType::u8, blocks)), "");
+}
+
+TEST(ConvertLabels, ImagesOfSeveralSlabs) {
+  // Two labels appear in the second slab alone.
+  constexpr std::size_t kSlab = std::size_t{32} << 20;
+  std::vector<std::uint8_t> values(kSlab + 1000, 7);
+  values[kSlab + 3] = 9;
+  values[kSlab + 4] = 8;
+  RawImage raw = line_of(SampleType::u8, values);
+  const Execution execution(2);
+  const EncodedLabels labels = convert_labels("file", raw, 0, 1, {}, execution);
+  EXPECT_EQ(labels.labels, (std::vector<std::int32_t>{7, 9, 8}));
+  EXPECT_EQ(labels.changes, 3);
+  ASSERT_EQ(labels.voxels.size(), std::ssize(values));
+  EXPECT_EQ(labels.voxels[kSlab + 3], 1U);
+  EXPECT_EQ(labels.voxels[kSlab + 999], 0U);
+
+  std::vector<double> grey(kSlab / 8 + 10, 1);
+  grey[kSlab / 8 + 5] = 1.5;
+  const std::string place = "(" + std::to_string(kSlab / 8 + 5) + ", 0, 0)";
+  EXPECT_THAT(error_with(line_of(SampleType::f64, grey)), HasSubstr(place));
+  EXPECT_THAT(error_with(line_of(SampleType::f64, grey), {.threshold = 2}), HasSubstr("largest value is 1.5"));
+  RawImage grey_raw = line_of(SampleType::f64, grey);
+  EXPECT_EQ(convert_grey("file", grey_raw, 0, execution)[kSlab / 8 + 5], 1.5F);
+}
+
+/// Two volumes of which the file ends too early.
+class CutShort : public SampleStream {
+ public:
+  void read(std::byte* to, std::size_t bytes) override {
+    if (at_ + bytes > 7) throw Error(ErrorKind::input, "file: is cut short; get a complete copy");
+    std::fill_n(to, bytes, std::byte{1});
+    at_ += bytes;
+  }
+
+ private:
+  std::size_t at_ = 0;
+};
+
+TEST(ConvertLabels, WhatIsWrongWithTheFileComesFirst) {
+  RawImage raw;
+  raw.extent = {2, 2, 1};
+  raw.volumes = 2;
+  raw.type = SampleType::u8;
+  raw.slope = 0.5;  // no labels
+  raw.samples = std::make_unique<CutShort>();
+  EXPECT_THAT(error_with(std::move(raw)), HasSubstr("cut short"));
 }
 
 TEST(MakeFrame, ColumnsBecomeSpacingAndDirection) {

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <memory>
+#include <optional>
 #include <type_traits>
 #include <utility>
 
@@ -15,6 +17,7 @@ namespace treemarch {
 namespace {
 
 constexpr std::int64_t kBlock = std::int64_t{1} << 18;
+constexpr std::int64_t kSlabBytes = std::int64_t{32} << 20;  // of samples in memory at a time
 constexpr std::int64_t kNone = std::numeric_limits<std::int64_t>::max();
 
 [[noreturn]] void fail(const std::string& path, const std::string& what) {
@@ -71,43 +74,29 @@ constexpr bool is_label(double v) {
          v == static_cast<double>(static_cast<std::int32_t>(v));
 }
 
-/// Labels by way of double: floating-point samples, and scaled ones.
-template <class T>
-EncodedLabels encode_values(const std::string& path, const RawImage& raw, std::span<const T> samples,
-                            const Execution& execution) {
-  const auto n = static_cast<std::int64_t>(samples.size());
-  const auto value = [&](std::int64_t i) {
-    return raw.slope * static_cast<double>(samples[static_cast<std::size_t>(i)]) + raw.intercept;
-  };
-  const std::int64_t bad = first_bad(execution, n, [&](std::int64_t i) { return !is_label(value(i)); });
-  if (bad != kNone) fail_value(path, raw, bad, value(bad));
-  std::vector<std::int32_t> labels(samples.size());
-  parallel_for(execution, n, kBlock,
-               [&](std::int64_t i) { labels[static_cast<std::size_t>(i)] = static_cast<std::int32_t>(value(i)); });
-  return encode_labels(std::span<const std::int32_t>(labels), execution);
-}
-
-template <class T>
-EncodedLabels encode_thresholded(const std::string& path, const RawImage& raw, std::span<const T> samples,
-                                 double threshold, const Execution& execution) {
-  const auto n = static_cast<std::int64_t>(samples.size());
-  const auto value = [&](std::int64_t i) {
-    return raw.slope * static_cast<double>(samples[static_cast<std::size_t>(i)]) + raw.intercept;
-  };
-  if constexpr (std::is_floating_point_v<T>) {
-    const std::int64_t bad = first_bad(execution, n, [&](std::int64_t i) { return std::isnan(value(i)); });
-    if (bad != kNone) fail_value(path, raw, bad, value(bad));
+/// Calls use(samples, first) for the samples of consecutive volumes, a slab at a time in scan order; first counts from
+/// the first of those volumes. What the file says of itself at its end (cut short, damaged) comes before what is wrong
+/// with a value.
+template <class T, class Use>
+void for_slabs(RawImage& raw, std::int64_t first_volume, std::int64_t volumes, const Execution& execution, Use&& use) {
+  const std::int64_t all = raw.voxels() * raw.volumes, begin = first_volume * raw.voxels(),
+                     end = begin + volumes * raw.voxels();
+  const std::int64_t most = std::min<std::int64_t>(all, kSlabBytes / sizeof(T));
+  const auto slab = std::make_unique_for_overwrite<T[]>(static_cast<std::size_t>(most));
+  std::optional<Error> wrong;
+  for (std::int64_t at = 0; at < all; at += most) {
+    execution.check();
+    const std::int64_t last = std::min(all, at + most);
+    raw.samples->read(reinterpret_cast<std::byte*>(slab.get()), static_cast<std::size_t>(last - at) * sizeof(T));
+    const std::int64_t from = std::max(at, begin), to = std::min(last, end);
+    if (from >= to || wrong) continue;
+    try {
+      use(std::span<const T>(slab.get() + (from - at), static_cast<std::size_t>(to - from)), from - begin);
+    } catch (const Error& e) {
+      wrong = e;
+    }
   }
-  std::vector<std::uint8_t> labels(samples.size());
-  parallel_for(execution, n, kBlock,
-               [&](std::int64_t i) { labels[static_cast<std::size_t>(i)] = value(i) >= threshold ? 1 : 0; });
-  EncodedLabels encoded = encode_labels(std::span<const std::uint8_t>(labels), execution);
-  if (std::find(encoded.labels.begin(), encoded.labels.end(), 1) == encoded.labels.end()) {
-    double largest = value(0);
-    for (std::int64_t i = 1; i < n; ++i) largest = std::max(largest, value(i));
-    fail(path, "no voxel reaches the threshold " + text_of(threshold) + "; its largest value is " + text_of(largest));
-  }
-  return encoded;
+  if (wrong) throw Error(*wrong);
 }
 
 /// In label images most voxels have the label of their neighbour (0.95 and more on real ones), in grey images few have
@@ -116,6 +105,95 @@ bool looks_grey(const EncodedLabels& encoded) {
   const std::int64_t n = encoded.voxels.size();
   return n >= 4096 && encoded.labels.size() > 100 && encoded.changes > n / 2;
 }
+
+/// Turns samples of a type into labels, a slab after the other.
+template <class T>
+class LabelConverter {
+ public:
+  LabelConverter(const std::string& path, const RawImage& raw, std::int64_t size, const LabelRules& rules,
+                 const Execution& execution)
+      : path_(path), raw_(raw), rules_(rules), execution_(execution), encoder_(size, execution) {}
+
+  /// \param first number of the first sample
+  void add(std::span<const T> samples, std::int64_t first) {
+    if (rules_.threshold)
+      add_thresholded(samples, first);
+    else if (std::is_floating_point_v<T> || raw_.slope != 1 || raw_.intercept != 0)
+      add_values(samples, first);
+    else
+      add_integers(samples, first);
+  }
+
+  EncodedLabels take() {
+    EncodedLabels encoded = encoder_.take();
+    if (rules_.threshold && std::ranges::find(encoded.labels, 1) == encoded.labels.end())
+      fail(path_, "no voxel reaches the threshold " + text_of(*rules_.threshold) + "; its largest value is " +
+                      text_of(largest_));
+    if (!rules_.any_labels && !rules_.threshold && looks_grey(encoded))
+      fail(path_,
+           "looks like a grey image (" + std::to_string(encoded.labels.size()) +
+               " values, most voxels differ from their neighbour); give --threshold T to make a label image of it");
+    return encoded;
+  }
+
+ private:
+  [[nodiscard]] double value(T sample) const { return raw_.slope * static_cast<double>(sample) + raw_.intercept; }
+  /// The first sample for which bad(sample) holds, or null.
+  template <class Bad>
+  const T* find(std::span<const T> samples, Bad&& bad) const {
+    const std::int64_t i = first_bad(execution_, std::ssize(samples),
+                                     [&](std::int64_t k) { return bad(samples[static_cast<std::size_t>(k)]); });
+    return i == kNone ? nullptr : &samples[static_cast<std::size_t>(i)];
+  }
+
+  void add_integers(std::span<const T> samples, std::int64_t first) {
+    if constexpr (std::is_integral_v<T>) {
+      if constexpr (sizeof(T) >= 4 && !std::is_same_v<T, std::int32_t>)
+        if (const T* bad = find(samples, [](T v) { return !std::in_range<std::int32_t>(v); }))
+          fail(path_, "the label " + std::to_string(*bad) + " at " + voxel_text(raw_, first + (bad - samples.data())) +
+                          " does not fit a signed 32-bit integer; renumber the labels");
+      encoder_.add(samples);
+    }
+  }
+  /// By way of double: floating-point samples, and scaled ones.
+  void add_values(std::span<const T> samples, std::int64_t first) {
+    if (const T* bad = find(samples, [&](T v) { return !is_label(value(v)); }))
+      fail_value(path_, raw_, first + (bad - samples.data()), value(*bad));
+    labels_.resize(samples.size());
+    parallel_for(execution_, std::ssize(samples), kBlock, [&](std::int64_t i) {
+      labels_[static_cast<std::size_t>(i)] = static_cast<std::int32_t>(value(samples[static_cast<std::size_t>(i)]));
+    });
+    encoder_.add(std::span<const std::int32_t>(labels_));
+  }
+  void add_thresholded(std::span<const T> samples, std::int64_t first) {
+    if constexpr (std::is_floating_point_v<T>)
+      if (const T* bad = find(samples, [&](T v) { return std::isnan(value(v)); }))
+        fail_value(path_, raw_, first + (bad - samples.data()), value(*bad));
+    above_.resize(samples.size());
+    largest_ = std::max(largest_, parallel_reduce(
+                                      execution_, std::ssize(samples), kBlock, value(samples[0]),
+                                      [&](std::int64_t begin, std::int64_t end) {
+                                        double largest = value(samples[static_cast<std::size_t>(begin)]);
+                                        for (auto i = static_cast<std::size_t>(begin); std::cmp_less(i, end); ++i) {
+                                          const double v = value(samples[i]);
+                                          largest = std::max(largest, v);
+                                          above_[i] = v >= *rules_.threshold ? 1 : 0;
+                                        }
+                                        return largest;
+                                      },
+                                      [](double a, double b) { return std::max(a, b); }));
+    encoder_.add(std::span<const std::uint8_t>(above_));
+  }
+
+  const std::string& path_;
+  const RawImage& raw_;
+  const LabelRules& rules_;
+  const Execution& execution_;
+  LabelEncoder encoder_;
+  std::vector<std::int32_t> labels_;
+  std::vector<std::uint8_t> above_;
+  double largest_ = -std::numeric_limits<double>::infinity();
+};
 
 /// A side within the rounding of single precision of a number of six digits is that number: affines are often stored in
 /// single precision, and the same voxels must mesh alike in every frame.
@@ -176,46 +254,34 @@ void override_spacing(const std::string& path, std::span<const double> spacing, 
   raw.has_spacing = true;
 }
 
-EncodedLabels convert_labels(const std::string& path, const RawImage& raw, std::int64_t first_volume,
-                             std::int64_t volumes, const LabelRules& rules, const Execution& execution) {
-  const bool scaled = raw.slope != 1 || raw.intercept != 0;
-  EncodedLabels encoded = raw.visit(first_volume, volumes, [&]<class T>(std::span<const T> samples) {
-    if (rules.threshold) return encode_thresholded(path, raw, samples, *rules.threshold, execution);
-    if constexpr (std::is_floating_point_v<T>) {
-      return encode_values(path, raw, samples, execution);
-    } else {
-      if (scaled) return encode_values(path, raw, samples, execution);
-      if constexpr (sizeof(T) >= 4 && !std::is_same_v<T, std::int32_t>) {
-        const std::int64_t bad = first_bad(execution, static_cast<std::int64_t>(samples.size()), [&](std::int64_t i) {
-          return !std::in_range<std::int32_t>(samples[static_cast<std::size_t>(i)]);
-        });
-        if (bad != kNone)
-          fail(path, "the label " + std::to_string(samples[static_cast<std::size_t>(bad)]) + " at " +
-                         voxel_text(raw, bad) + " does not fit a signed 32-bit integer; renumber the labels");
-      }
-      return encode_labels(samples, execution);
-    }
+EncodedLabels convert_labels(const std::string& path, RawImage& raw, std::int64_t first_volume, std::int64_t volumes,
+                             const LabelRules& rules, const Execution& execution) {
+  return visit_type(raw.type, [&]<class T>(T) {
+    LabelConverter<T> converter(path, raw, volumes * raw.voxels(), rules, execution);
+    for_slabs<T>(raw, first_volume, volumes, execution,
+                 [&](std::span<const T> samples, std::int64_t first) { converter.add(samples, first); });
+    return converter.take();
   });
-  if (!rules.any_labels && !rules.threshold && looks_grey(encoded))
-    fail(path, "looks like a grey image (" + std::to_string(encoded.labels.size()) +
-                   " values, most voxels differ from their neighbour); give --threshold T to make a label image of it");
-  return encoded;
 }
 
-std::vector<float> convert_grey(const std::string& path, const RawImage& raw, std::int64_t volume,
+std::vector<float> convert_grey(const std::string& path, RawImage& raw, std::int64_t volume,
                                 const Execution& execution) {
-  return raw.visit(volume, 1, [&]<class T>(std::span<const T> samples) {
-    std::vector<float> values(samples.size());
-    const auto n = static_cast<std::int64_t>(samples.size());
-    parallel_for(execution, n, kBlock, [&](std::int64_t i) {
-      const auto at = static_cast<std::size_t>(i);
-      values[at] = static_cast<float>(raw.slope * static_cast<double>(samples[at]) + raw.intercept);
+  std::vector<float> values;
+  values.reserve(static_cast<std::size_t>(raw.voxels()));
+  visit_type(raw.type, [&]<class T>(T) {
+    for_slabs<T>(raw, volume, 1, execution, [&](std::span<const T> samples, std::int64_t first) {
+      values.resize(values.size() + samples.size());
+      float* const to = values.data() + first;
+      parallel_for(execution, std::ssize(samples), kBlock, [&](std::int64_t i) {
+        to[i] =
+            static_cast<float>(raw.slope * static_cast<double>(samples[static_cast<std::size_t>(i)]) + raw.intercept);
+      });
+      const std::int64_t bad =
+          first_bad(execution, std::ssize(samples), [&](std::int64_t i) { return !std::isfinite(to[i]); });
+      if (bad != kNone) fail_value(path, raw, first + bad, static_cast<double>(to[bad]));
     });
-    const std::int64_t bad =
-        first_bad(execution, n, [&](std::int64_t i) { return !std::isfinite(values[static_cast<std::size_t>(i)]); });
-    if (bad != kNone) fail_value(path, raw, bad, static_cast<double>(values[static_cast<std::size_t>(bad)]));
-    return values;
   });
+  return values;
 }
 
 template Frame<2> make_frame(const std::string&, const RawImage&);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "treemarch/core/execution.h"
+#include "treemarch/image/label_encoder.h"
 #include "treemarch/image/label_image.h"
 #include "treemarch/image/raw_image.h"
 
@@ -28,14 +29,15 @@ struct LabelRules {
   bool any_labels = false;          ///< do not refuse what looks like a grey image
 };
 
-/// The labels of consecutive volumes.
+/// The labels of consecutive volumes. Reads the samples of the image to their end, a slab of bounded size at a time, so
+/// that what is held beside it is the result alone.
 /// \throw Error(input) for values that are not integral, not finite or beyond 32 bits, a grey image without a
 /// threshold, or a threshold that no voxel reaches
-EncodedLabels convert_labels(const std::string& path, const RawImage& raw, std::int64_t first_volume,
-                             std::int64_t volumes, const LabelRules& rules, const Execution& execution);
+EncodedLabels convert_labels(const std::string& path, RawImage& raw, std::int64_t first_volume, std::int64_t volumes,
+                             const LabelRules& rules, const Execution& execution);
 
-/// The grey values of one volume. \throw Error(input) for values that are not finite
-std::vector<float> convert_grey(const std::string& path, const RawImage& raw, std::int64_t volume,
+/// The grey values of one volume, read in the same way. \throw Error(input) for values that are not finite
+std::vector<float> convert_grey(const std::string& path, RawImage& raw, std::int64_t volume,
                                 const Execution& execution);
 
 }  // namespace treemarch

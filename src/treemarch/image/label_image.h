@@ -10,7 +10,6 @@
 #include <string>
 #include <vector>
 
-#include "treemarch/core/execution.h"
 #include "treemarch/core/vec.h"
 #include "treemarch/image/frame.h"
 
@@ -41,6 +40,10 @@ class CompactArray {
     if (width_ == 2) return load<std::uint16_t>(p);
     return load<std::uint32_t>(p);
   }
+  /// Room for so many values in all, which takes memory as resize() uses it.
+  void reserve(std::int64_t size) { bytes_.reserve(static_cast<std::size_t>(size) * width_); }
+  /// New values are 0.
+  void resize(std::int64_t size) { bytes_.resize(static_cast<std::size_t>(size) * width_); }
   void set(std::int64_t i, std::uint32_t value) {
     std::memcpy(bytes_.data() + static_cast<std::size_t>(i) * width_, &value, width_);  // little endian
   }
@@ -113,18 +116,6 @@ MaterialId material_of(const std::vector<std::int32_t>& labels, std::int32_t lab
 template <int Dim>
 LabelImage<Dim> make_label_image(const Coord<Dim>& extent, const std::vector<std::int32_t>& values,
                                  const Frame<Dim>& frame = {});
-
-/// Values as materials, see LabelImage.
-struct EncodedLabels {
-  CompactArray voxels;
-  std::vector<std::int32_t> labels;  ///< by first appearance
-  std::int64_t changes = 0;          ///< voxels that differ from the one before them, in scan order
-};
-
-/// Numbers values by their first appearance, in parallel; the same for any number of threads. T is an integer type of 8
-/// to 64 bits. \pre every value fits 32 bits with sign
-template <class T>
-EncodedLabels encode_labels(std::span<const T> values, const Execution& execution);
 
 /// A grey-value image in the same layout.
 template <int Dim>

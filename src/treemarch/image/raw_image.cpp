@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cstring>
 #include <limits>
-#include <new>
 
 #include "treemarch/core/error.h"
 
@@ -26,13 +25,16 @@ std::size_t sample_bytes(SampleType type) {
   }
 }
 
-void RawImage::allocate(const std::string& path) {
-  try {
-    data =
-        std::make_unique_for_overwrite<std::byte[]>(static_cast<std::size_t>(voxels() * volumes) * sample_bytes(type));
-  } catch (const std::bad_alloc&) {
-    throw Error(ErrorKind::limits, path + ": too large for the memory of this machine; crop or downsample it");
-  }
+std::byte* RawImage::allocate() {
+  auto memory = std::make_unique<MemorySamples>(bytes());
+  std::byte* const data = memory->data();
+  samples = std::move(memory);
+  return data;
+}
+
+void RawImage::load() {
+  const std::unique_ptr<SampleStream> stream = std::move(samples);
+  stream->read(allocate(), bytes());
 }
 
 void swap_bytes(std::byte* data, std::size_t samples, std::size_t bytes_per_sample) {
@@ -64,23 +66,50 @@ void check_size(const std::string& path, std::span<const std::int64_t> extent, s
 
 namespace {
 
-void append_slice(const RawImage& slice, bool as_double, std::byte* out) {
-  if (!as_double) {
-    std::memcpy(out, slice.data.get(), static_cast<std::size_t>(slice.voxels()) * sample_bytes(slice.type));
-    return;
+/// One slice after the other, each of which is let go as soon as it has been read.
+class StackSamples : public SampleStream {
+ public:
+  explicit StackSamples(std::vector<RawImage> slices) : slices_(std::move(slices)) {}
+  void read(std::byte* to, std::size_t bytes) override {
+    while (bytes > 0) {
+      RawImage& slice = slices_[next_];
+      const std::size_t n = std::min(bytes, slice.bytes() - done_);
+      slice.samples->read(to, n);
+      to += n;
+      bytes -= n;
+      done_ += n;
+      if (done_ < slice.bytes()) continue;
+      slice.samples.reset();
+      ++next_;
+      done_ = 0;
+    }
   }
-  slice.visit(0, 1, [&](auto samples) {
-    for (std::size_t i = 0; i < samples.size(); ++i) {
-      const double v = slice.slope * static_cast<double>(samples[i]) + slice.intercept;
-      std::memcpy(out + i * sizeof v, &v, sizeof v);
+
+ private:
+  std::vector<RawImage> slices_;
+  std::size_t next_ = 0, done_ = 0;  // bytes of the next
+};
+
+void make_double(RawImage& slice) {
+  slice.load();
+  const std::unique_ptr<SampleStream> stream = std::move(slice.samples);
+  visit_type(slice.type, [&]<class T>(T sample) {
+    slice.type = SampleType::f64;
+    std::byte* out = slice.allocate();
+    for (std::int64_t i = 0; i < slice.voxels(); ++i, out += sizeof(double)) {
+      stream->read(reinterpret_cast<std::byte*>(&sample), sizeof(T));
+      const double v = slice.slope * static_cast<double>(sample) + slice.intercept;
+      std::memcpy(out, &v, sizeof v);
     }
   });
+  slice.slope = 1;
+  slice.intercept = 0;
 }
 
 }  // namespace
 
 RawImage stack_slices(std::vector<RawImage> slices, const std::vector<std::string>& paths) {
-  RawImage& first = slices.front();
+  const RawImage& first = slices.front();
   bool as_double = false;
   for (std::size_t s = 0; s < slices.size(); ++s) {
     const RawImage& slice = slices[s];
@@ -91,24 +120,19 @@ RawImage stack_slices(std::vector<RawImage> slices, const std::vector<std::strin
                                         "; all slices of a stack must have one size");
     as_double |= slice.type != first.type || slice.slope != first.slope || slice.intercept != first.intercept;
   }
+  if (as_double)
+    for (RawImage& slice : slices) make_double(slice);
   RawImage stack;
   stack.dim = 3;
   stack.extent = {first.extent[0], first.extent[1], static_cast<std::int64_t>(slices.size())};
-  stack.type = as_double ? SampleType::f64 : first.type;
-  if (!as_double) {
-    stack.slope = first.slope;
-    stack.intercept = first.intercept;
-  }
+  stack.type = first.type;
+  stack.slope = first.slope;
+  stack.intercept = first.intercept;
   stack.axis = first.axis;
   stack.origin = first.origin;
   stack.space = first.space;
   stack.has_spacing = first.has_spacing;
-  stack.allocate(paths[0]);
-  const std::size_t slice_bytes = static_cast<std::size_t>(first.voxels()) * sample_bytes(stack.type);
-  for (std::size_t s = 0; s < slices.size(); ++s) {
-    append_slice(slices[s], as_double, stack.data.get() + s * slice_bytes);
-    if (s > 0) slices[s].data.reset();
-  }
+  stack.samples = std::make_unique<StackSamples>(std::move(slices));
   return stack;
 }
 

@@ -125,12 +125,12 @@ void read_plain_samples(const std::string& path, const DicomElements& dicom, Raw
   check_size(path, std::span(image.extent).first(2), sample, static_cast<std::int64_t>(pixels.length), 1);
   const auto count = static_cast<std::size_t>(image.voxels());
   if (count * sample > pixels.length) fail(path, "its pixel data are cut short; get a complete copy");
-  image.allocate(path);
-  std::memcpy(image.data.get(), dicom.bytes.data() + pixels.offset, count * sample);
-  if (dicom.big_endian) swap_bytes(image.data.get(), count, sample);
+  std::byte* const data = image.allocate();
+  std::memcpy(data, dicom.bytes.data() + pixels.offset, count * sample);
+  if (dicom.big_endian) swap_bytes(data, count, sample);
   if (stored < bits)
-    image.visit(0, 1, [&]<class T>(std::span<const T>) {
-      if constexpr (std::is_integral_v<T>) clean_high_bits<T>(stored, image.data.get(), count);
+    visit_type(image.type, [&]<class T>(T) {
+      if constexpr (std::is_integral_v<T>) clean_high_bits<T>(stored, data, count);
     });
   if (const std::vector<double> slope = dicom.decimals(kSlope), intercept = dicom.decimals(kIntercept);
       slope.size() == 1 && intercept.size() == 1) {

@@ -59,8 +59,7 @@ void read_by_itk(const std::string& path, RawImage& image) {
     region.SetSize(d, io->GetDimensions(d));
   }
   io->SetIORegion(region);
-  image.allocate(path);
-  io->Read(image.data.get());
+  io->Read(image.allocate());
 }
 
 }  // namespace

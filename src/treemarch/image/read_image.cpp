@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <new>
 
 #include "treemarch/core/error.h"
 #include "treemarch/image/convert_raw.h"
@@ -73,9 +74,9 @@ RawImage read_file(const std::string& path, const Execution& execution) {
     case Format::nifti:
       return read_nifti(path, execution);
     case Format::nrrd:
-      return read_nrrd(path, execution);
+      return read_nrrd(path);
     case Format::metaimage:
-      return read_metaimage(path, execution);
+      return read_metaimage(path);
     case Format::tiff:
       return read_tiff(path);
     case Format::png:
@@ -134,6 +135,7 @@ RawImage read_folder(const std::string& path, const Execution& execution) {
   for (const std::string& slice : slices) {
     execution.check();
     images.push_back(read_file(slice, execution));
+    images.back().load();
     if (images.back().dim != 2) fail(slice, "is not a single slice, but lies in a folder of slices; give it alone");
   }
   return stack_slices(std::move(images), slices);
@@ -141,9 +143,11 @@ RawImage read_folder(const std::string& path, const Execution& execution) {
 
 /// Runs `work`. Messages may quote what a damaged file holds: they stay on one line.
 template <class Work>
-auto with_plain_messages(Work&& work) {
+auto with_plain_messages(const std::string& path, Work&& work) {
   try {
     return work();
+  } catch (const std::bad_alloc&) {
+    throw Error(ErrorKind::limits, path + ": too large for the memory of this machine; crop or downsample it");
   } catch (const Error& e) {
     std::string text = e.what();
     std::replace_if(
@@ -152,6 +156,7 @@ auto with_plain_messages(Work&& work) {
   }
 }
 
+/// All but the samples.
 RawImage read_raw(const std::string& path, const ReadOptions& options, const Execution& execution) {
   std::error_code failed;
   const auto status = std::filesystem::status(path, failed);
@@ -184,7 +189,7 @@ Coord<Dim> extent_of(const RawImage& raw) {
 }
 
 template <int Dim>
-LabelImage<Dim> to_labels(const std::string& path, const RawImage& raw, std::int64_t first, std::int64_t volumes,
+LabelImage<Dim> to_labels(const std::string& path, RawImage& raw, std::int64_t first, std::int64_t volumes,
                           const ReadOptions& options, const Execution& execution) {
   LabelImage<Dim> image;
   image.extent = extent_of<Dim>(raw);
@@ -202,15 +207,15 @@ LabelImage<Dim> to_labels(const std::string& path, const RawImage& raw, std::int
 }
 
 template <int Dim>
-GreyImage<Dim> to_grey(const std::string& path, const RawImage& raw, std::int64_t volume, const Execution& execution) {
+GreyImage<Dim> to_grey(const std::string& path, RawImage& raw, std::int64_t volume, const Execution& execution) {
   return {extent_of<Dim>(raw), make_frame<Dim>(path, raw), convert_grey(path, raw, volume, execution)};
 }
 
 }  // namespace
 
 AnyImage read_label_image(const std::string& path, const ReadOptions& options, const Execution& execution) {
-  return with_plain_messages([&]() -> AnyImage {
-    const RawImage raw = read_raw(path, options, execution);
+  return with_plain_messages(path, [&]() -> AnyImage {
+    RawImage raw = read_raw(path, options, execution);
     if (options.space_time && raw.volumes < 2)
       throw Error(ErrorKind::usage, "--space-time: " + path + " holds a single volume; leave the option out");
     if (options.space_time && options.volume)
@@ -226,8 +231,8 @@ AnyImage read_label_image(const std::string& path, const ReadOptions& options, c
 }
 
 AnyGreyImage read_grey_image(const std::string& path, const ReadOptions& options, const Execution& execution) {
-  return with_plain_messages([&]() -> AnyGreyImage {
-    const RawImage raw = read_raw(path, options, execution);
+  return with_plain_messages(path, [&]() -> AnyGreyImage {
+    RawImage raw = read_raw(path, options, execution);
     const std::int64_t volume = chosen_volume(path, raw, options);
     if (raw.dim == 2) return to_grey<2>(path, raw, volume, execution);
     return to_grey<3>(path, raw, volume, execution);

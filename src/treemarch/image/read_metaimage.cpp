@@ -164,7 +164,7 @@ SampleSource sample_source(const std::string& path, const Header& header) {
 
 }  // namespace
 
-RawImage read_metaimage(const std::string& path, const Execution& execution) {
+RawImage read_metaimage(const std::string& path) {
   const Header header = read_header(path);
   if (const auto channels = numbers(path, header, {"ElementNumberOfChannels"}, 1);
       !channels.empty() && channels[0] != 1)
@@ -174,7 +174,7 @@ RawImage read_metaimage(const std::string& path, const Execution& execution) {
   RawImage image;
   image.type = sample_type(path, header);
   set_geometry(path, header, sizes, image);
-  read_samples(path, sample_source(path, header), sizes, image, execution);
+  open_samples(path, sample_source(path, header), sizes, image);
   return image;
 }
 

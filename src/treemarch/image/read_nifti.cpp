@@ -279,31 +279,38 @@ std::string data_path(const std::string& path, const Header& h) {
   fail(path, "its data file " + base + ".img is missing; put it beside the header");
 }
 
-void read_samples(const std::string& path, std::int64_t offset, RawImage& image, const Execution& execution) {
-  ZFile file(path);
-  // By reading, not seeking: a compressed stream has to be read anyway, and the offset is small.
-  constexpr std::size_t kChunk = std::size_t{1} << 24;
-  std::vector<std::byte> skipped(std::min(kChunk, static_cast<std::size_t>(offset)));
-  for (std::int64_t left = offset; left > 0;) {
-    const std::size_t n = std::min(skipped.size(), static_cast<std::size_t>(left));
-    if (file.read(skipped.data(), n) != n) break;
-    left -= static_cast<std::int64_t>(n);
+class NiftiSamples : public SampleStream {
+ public:
+  /// \param bytes of all samples. \param sample bytes of one whose order is to be reversed, else 1
+  NiftiSamples(const std::string& path, std::int64_t offset, std::size_t bytes, int sample)
+      : path_(path), file_(path), bytes_(bytes), sample_(sample) {
+    // By reading, not seeking: a compressed stream has to be read anyway, and the offset is small.
+    constexpr std::size_t kChunk = std::size_t{1} << 24;
+    std::vector<std::byte> skipped(std::min(kChunk, static_cast<std::size_t>(offset)));
+    for (std::int64_t left = offset; left > 0;) {
+      const std::size_t n = std::min(skipped.size(), static_cast<std::size_t>(left));
+      if (file_.read(skipped.data(), n) != n) break;
+      left -= static_cast<std::int64_t>(n);
+    }
   }
-  const std::size_t bytes = static_cast<std::size_t>(image.voxels() * image.volumes) * sample_bytes(image.type);
-  for (std::size_t at = 0; at < bytes;) {
-    execution.check();
-    const std::size_t n = std::min(kChunk, bytes - at);
-    const std::size_t got = file.read(image.data.get() + at, n);
-    at += got;
-    if (got == n) continue;
-    if (file.damaged()) fail(path, "its compressed data are damaged; get a complete copy");
-    fail(path, "is cut short: " + std::to_string(at) + " of " + std::to_string(bytes) +
-                   " bytes of data are there; get a complete copy");
+  void read(std::byte* to, std::size_t bytes) override {
+    const std::size_t got = file_.read(to, bytes);
+    at_ += got;
+    std::byte beyond{};
+    if (at_ == bytes_) file_.read(&beyond, 1);  // reaches the checksum of a compressed stream
+    if (file_.damaged()) fail(path_, "its compressed data are damaged; get a complete copy");
+    if (got < bytes)
+      fail(path_, "is cut short: " + std::to_string(at_) + " of " + std::to_string(bytes_) +
+                      " bytes of data are there; get a complete copy");
+    if (sample_ > 1) nifti_swap_Nbytes(static_cast<std::int64_t>(bytes) / sample_, sample_, to);
   }
-  std::byte beyond{};
-  file.read(&beyond, 1);  // reaches the checksum of a compressed stream
-  if (file.damaged()) fail(path, "its compressed data are damaged; get a complete copy");
-}
+
+ private:
+  std::string path_;
+  ZFile file_;
+  std::size_t bytes_, at_ = 0;
+  int sample_;
+};
 
 }  // namespace
 
@@ -339,10 +346,8 @@ RawImage read_nifti(const std::string& path, const Execution& execution) {
   if (!(std::abs(h.vox_offset) < 9e15)) fail(path, "its vox_offset cannot be; the file is damaged");
   const std::int64_t offset = std::max(smallest_offset, static_cast<std::int64_t>(h.vox_offset));
   if (!compressed && offset > file_size(samples)) fail(path, "its vox_offset lies beyond its end; the file is damaged");
-  image.allocate(path);
-  read_samples(samples, offset, image, execution);
-  const int bytes = static_cast<int>(sample_bytes(image.type));
-  if (h.swapped && bytes > 1) nifti_swap_Nbytes(image.voxels() * image.volumes, bytes, image.data.get());
+  const int swapped = h.swapped ? static_cast<int>(sample_bytes(image.type)) : 1;
+  image.samples = std::make_unique<NiftiSamples>(samples, offset, image.bytes(), swapped);
   return image;
 }
 

@@ -158,20 +158,25 @@ SampleSource sample_source(const std::string& path, const NrrdHeader& header, Sa
 }
 
 /// Turns volumes that alternate from sample to sample into volumes one after the other.
-RawImage deinterleaved(RawImage image, const std::string& path) {
-  const std::unique_ptr<std::byte[]> in = std::move(image.data);
-  image.allocate(path);
+void deinterleave(RawImage& image) {
+  const std::unique_ptr<SampleStream> in = std::move(image.samples);
+  std::byte* const out = image.allocate();
   const std::size_t sample = sample_bytes(image.type);
   const auto voxels = static_cast<std::size_t>(image.voxels()), volumes = static_cast<std::size_t>(image.volumes);
-  for (std::size_t v = 0; v < volumes; ++v)
-    for (std::size_t i = 0; i < voxels; ++i)
-      std::memcpy(&image.data[(v * voxels + i) * sample], &in[(i * volumes + v) * sample], sample);
-  return image;
+  constexpr std::size_t kVoxels = 4096;  // at a time
+  std::vector<std::byte> values(kVoxels * volumes * sample);
+  for (std::size_t first = 0; first < voxels; first += kVoxels) {
+    const std::size_t n = std::min(kVoxels, voxels - first);
+    in->read(values.data(), n * volumes * sample);
+    for (std::size_t v = 0; v < volumes; ++v)
+      for (std::size_t i = 0; i < n; ++i)
+        std::memcpy(out + (v * voxels + first + i) * sample, &values[(i * volumes + v) * sample], sample);
+  }
 }
 
 }  // namespace
 
-RawImage read_nrrd(const std::string& path, const Execution& execution) {
+RawImage read_nrrd(const std::string& path) {
   const NrrdHeader header = read_nrrd_header(path);
   const NrrdGeometry geometry = nrrd_geometry(path, header);
   const AxisRoles roles = axis_roles(path, geometry);
@@ -181,8 +186,8 @@ RawImage read_nrrd(const std::string& path, const Execution& execution) {
   set_geometry(path, geometry, roles, image);
   image.names = nrrd_segment_names(header);
   image.type = sample_type(path, header.field("type"));
-  read_samples(path, sample_source(path, header, image.type), sizes, image, execution);
-  if (roles.volumes && *roles.volumes < roles.space.front()) image = deinterleaved(std::move(image), path);
+  open_samples(path, sample_source(path, header, image.type), sizes, image);
+  if (roles.volumes && *roles.volumes < roles.space.front()) deinterleave(image);
   return image;
 }
 

@@ -86,10 +86,10 @@ RawImage read_png(const std::string& path) {
   const int bits = png_get_bit_depth(decoder.png, decoder.info);
   check_size(path, std::span(image.extent).first(2), sample_bytes(image.type),
              static_cast<std::int64_t>(std::filesystem::file_size(path)), kDeflateRatio * (bits < 8 ? 8.0 / bits : 1));
-  image.allocate(path);
+  auto* const data = reinterpret_cast<png_bytep>(image.allocate());
   const std::size_t row_bytes = static_cast<std::size_t>(image.extent[0]) * sample_bytes(image.type);
   for (std::int64_t y = 0; y < image.extent[1]; ++y)
-    decoder.rows.push_back(reinterpret_cast<png_bytep>(image.data.get()) + static_cast<std::size_t>(y) * row_bytes);
+    decoder.rows.push_back(data + static_cast<std::size_t>(y) * row_bytes);
   if (!read_samples(decoder)) damaged();
   return image;
 }

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <filesystem>
 #include <memory>
+#include <utility>
 
 #include "treemarch/core/error.h"
 
@@ -126,64 +127,106 @@ void copy_row(const std::byte* in, unsigned bits, std::int64_t count, std::byte*
   }
 }
 
-void read_tiles(const TiffFile& tiff, const Page& page, std::byte* out) {
-  const std::int64_t tile_width = tiff.tag(TIFFTAG_TILEWIDTH, 0), tile_height = tiff.tag(TIFFTAG_TILELENGTH, 0);
-  const tmsize_t bytes = TIFFTileSize(tiff), row_bytes = TIFFTileRowSize(tiff);
-  // Tiles may be larger than the page, but not without limit: a damaged file must not exhaust the memory.
-  if (tile_width < 1 || tile_height < 1 || bytes <= 0 || row_bytes <= 0 || bytes > (std::int64_t{1} << 31))
-    tiff.damaged();
-  std::vector<std::byte> tile(static_cast<std::size_t>(bytes));
-  const auto sample = static_cast<std::int64_t>(sample_bytes(page.type));
-  for (std::int64_t y = 0; y < page.height; y += tile_height)
-    for (std::int64_t x = 0; x < page.width; x += tile_width) {
-      const auto index = TIFFComputeTile(tiff, static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y), 0, 0);
-      if (TIFFReadEncodedTile(tiff, index, tile.data(), bytes) != bytes) tiff.damaged();
-      for (std::int64_t row = 0; row < std::min(tile_height, page.height - y); ++row)
-        copy_row(tile.data() + row * row_bytes, page.bits, std::min(tile_width, page.width - x),
-                 out + ((y + row) * page.width + x) * sample);
-    }
-}
-
-void read_rows(const TiffFile& tiff, const Page& page, std::byte* out) {
-  const std::int64_t bytes = TIFFScanlineSize64(tiff);
-  const auto sample = static_cast<std::int64_t>(sample_bytes(page.type));
-  if (bytes < (page.width * page.bits + 7) / 8) tiff.damaged();
-  std::vector<std::byte> row(static_cast<std::size_t>(bytes));
-  for (std::int64_t y = 0; y < page.height; ++y) {
-    if (TIFFReadScanline(tiff, row.data(), static_cast<std::uint32_t>(y), 0) != 1) tiff.damaged();
-    copy_row(row.data(), page.bits, page.width, out + y * page.width * sample);
-  }
-}
-
 /// Thumbnails and masks are pages too, but not part of the image.
 bool is_image_page(const TiffFile& tiff) {
   return (tiff.tag(TIFFTAG_SUBFILETYPE, 0) & (FILETYPE_REDUCEDIMAGE | FILETYPE_MASK)) == 0;
 }
 
-/// Calls f() at each page that is part of the image, in order. One walk along the list of pages: going to a page by its
+/// Goes to the first page that is part of the image, or to the next one. False after the last.
+bool to_page(const TiffFile& tiff, bool first) {
+  bool there = (first ? TIFFSetDirectory(tiff, 0) : TIFFReadDirectory(tiff)) == 1;
+  if (first && !there) tiff.damaged();
+  while (there && !is_image_page(tiff)) there = TIFFReadDirectory(tiff) == 1;
+  if (!there && tiff.complained()) tiff.damaged();  // the list of pages ended, but not well
+  return there;
+}
+
+/// Page by page, rows of tiles or single rows at a time. One walk along the list of pages: going to a page by its
 /// number would walk it again for each.
-template <class F>
-void for_each_page(const TiffFile& tiff, F&& f) {
-  if (TIFFSetDirectory(tiff, 0) != 1) tiff.damaged();
-  do {
-    if (is_image_page(tiff)) f();
-  } while (TIFFReadDirectory(tiff) == 1);
-  if (tiff.complained()) tiff.damaged();  // the list ended, but not well
+class TiffSamples : public SampleStream {
+ public:
+  TiffSamples(std::unique_ptr<TiffFile> tiff, const Page& page)
+      : tiff_(std::move(tiff)), page_(page), y_(page.height) {}
+  void read(std::byte* to, std::size_t bytes) override {
+    while (bytes > 0) {
+      if (at_ == band_.size()) next_band();
+      const std::size_t n = std::min(bytes, band_.size() - at_);
+      to = std::copy_n(band_.data() + at_, n, to);
+      at_ += n;
+      bytes -= n;
+    }
+  }
+
+ private:
+  void next_band() {
+    if (y_ == page_.height) {
+      if (!to_page(*tiff_, std::exchange(first_, false))) tiff_->damaged();
+      y_ = 0;
+    }
+    at_ = 0;
+    if (TIFFIsTiled(*tiff_))
+      read_tiles();
+    else
+      read_row();
+    if (tiff_->complained()) tiff_->damaged();
+  }
+  void resize_band(std::int64_t rows) {
+    band_.resize(static_cast<std::size_t>(rows * page_.width) * sample_bytes(page_.type));
+  }
+  void read_tiles();
+  void read_row();
+
+  std::unique_ptr<TiffFile> tiff_;
+  Page page_;
+  bool first_ = true;
+  std::int64_t y_;               // the next row of the page
+  std::vector<std::byte> band_;  // whole rows
+  std::size_t at_ = 0;           // bytes of it that were given
+  std::vector<std::byte> stored_;
+};
+
+void TiffSamples::read_tiles() {
+  const std::int64_t width = tiff_->tag(TIFFTAG_TILEWIDTH, 0), height = tiff_->tag(TIFFTAG_TILELENGTH, 0);
+  const tmsize_t bytes = TIFFTileSize(*tiff_), row_bytes = TIFFTileRowSize(*tiff_);
+  // Tiles may be larger than the page, but not without limit: a damaged file must not exhaust the memory.
+  if (width < 1 || height < 1 || bytes <= 0 || row_bytes <= 0 || bytes > (std::int64_t{1} << 31)) tiff_->damaged();
+  stored_.resize(static_cast<std::size_t>(bytes));
+  const std::int64_t rows = std::min(height, page_.height - y_);
+  const auto sample = static_cast<std::int64_t>(sample_bytes(page_.type));
+  resize_band(rows);
+  for (std::int64_t x = 0; x < page_.width; x += width) {
+    const auto index = TIFFComputeTile(*tiff_, static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y_), 0, 0);
+    if (TIFFReadEncodedTile(*tiff_, index, stored_.data(), bytes) != bytes) tiff_->damaged();
+    for (std::int64_t row = 0; row < rows; ++row)
+      copy_row(stored_.data() + row * row_bytes, page_.bits, std::min(width, page_.width - x),
+               band_.data() + (row * page_.width + x) * sample);
+  }
+  y_ += rows;
+}
+
+void TiffSamples::read_row() {
+  const std::int64_t bytes = TIFFScanlineSize64(*tiff_);
+  if (bytes < (page_.width * page_.bits + 7) / 8) tiff_->damaged();
+  stored_.resize(static_cast<std::size_t>(bytes));
+  resize_band(1);
+  if (TIFFReadScanline(*tiff_, stored_.data(), static_cast<std::uint32_t>(y_), 0) != 1) tiff_->damaged();
+  copy_row(stored_.data(), page_.bits, page_.width, band_.data());
+  ++y_;
 }
 
 }  // namespace
 
 RawImage read_tiff(const std::string& path) {
-  const TiffFile tiff(path);
+  auto tiff = std::make_unique<TiffFile>(path);
   std::int64_t pages = 0;
   Page first;
-  for_each_page(tiff, [&] {
-    const Page page = read_page_header(path, tiff);
+  for (bool there = to_page(*tiff, true); there; there = to_page(*tiff, false)) {
+    const Page page = read_page_header(path, *tiff);
     if (pages == 0) first = page;
     ++pages;
     if (!(page == first))
       fail(path, "page " + std::to_string(pages) + " differs in size or type from the first; split the file");
-  });
+  }
   if (pages == 0) fail(path, "has no page with an image; check the file");
   RawImage image;
   image.dim = pages > 1 ? 3 : 2;
@@ -192,15 +235,7 @@ RawImage read_tiff(const std::string& path) {
   image.has_spacing = false;
   check_size(path, image.extent, sample_bytes(image.type), static_cast<std::int64_t>(std::filesystem::file_size(path)),
              kTiffRatio);
-  image.allocate(path);
-  std::byte* out = image.data.get();
-  for_each_page(tiff, [&] {
-    if (TIFFIsTiled(tiff))
-      read_tiles(tiff, first, out);
-    else
-      read_rows(tiff, first, out);
-    out += first.width * first.height * static_cast<std::int64_t>(sample_bytes(first.type));
-  });
+  image.samples = std::make_unique<TiffSamples>(std::move(tiff), first);
   return image;
 }
 

@@ -8,7 +8,8 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
+#include <memory>
+#include <utility>
 
 #include "treemarch/core/error.h"
 
@@ -26,34 +27,6 @@ constexpr std::size_t kChunk = std::size_t{1} << 20;
                  " bytes of data are there; get a complete copy");
 }
 
-/// Opens a file and goes to its samples.
-std::ifstream open_at_samples(const std::string& file, const SampleSource& source, std::size_t bytes) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in) fail(file, "cannot be opened; check its permissions");
-  if (source.skip_bytes < 0) {
-    const auto size = static_cast<std::size_t>(std::filesystem::file_size(file));
-    if (size < bytes) fail_short(file, size, bytes);
-    in.seekg(static_cast<std::streamoff>(size - bytes));
-    return in;
-  }
-  std::string line;
-  for (std::int64_t n = 0; n < source.skip_lines && std::getline(in, line); ++n) {
-  }
-  in.seekg(source.skip_bytes, std::ios::cur);
-  return in;
-}
-
-void read_raw(const std::string& file, std::ifstream& in, std::byte* out, std::size_t bytes,
-              const Execution& execution) {
-  for (std::size_t at = 0; at < bytes;) {
-    execution.check();
-    const std::size_t n = std::min(kChunk * 16, bytes - at);
-    in.read(reinterpret_cast<char*>(out + at), static_cast<std::streamsize>(n));
-    at += static_cast<std::size_t>(in.gcount());
-    if (!in) fail_short(file, at, bytes);
-  }
-}
-
 /// zlib's state, freed with the object.
 struct Inflater {
   z_stream z{};
@@ -63,59 +36,146 @@ struct Inflater {
   Inflater& operator=(const Inflater&) = delete;
 };
 
-void read_deflated(const std::string& file, std::ifstream& in, std::byte* out, std::size_t bytes,
-                   const Execution& execution) {
-  Inflater inflater;
-  z_stream& z = inflater.z;
-  std::vector<char> packed(kChunk);
-  std::byte beyond{};  // room for what follows the samples: the stream is read to its end, where its checksum is
-  std::size_t at = 0;
-  int state = Z_OK;
-  while (true) {
-    if (z.avail_in == 0) {
-      execution.check();
-      in.read(packed.data(), static_cast<std::streamsize>(packed.size()));
-      z.next_in = reinterpret_cast<Bytef*>(packed.data());
-      z.avail_in = static_cast<uInt>(in.gcount());
-      if (z.avail_in == 0) fail_short(file, at, bytes);
+/// The samples of one file.
+class FilePart {
+ public:
+  /// \param bytes of its samples in memory
+  FilePart(std::string file, const SampleSource& source, std::size_t bytes, SampleType type)
+      : file_(std::move(file)), in_(file_, std::ios::binary), encoding_(source.encoding), type_(type), bytes_(bytes) {
+    if (!in_) fail(file_, "cannot be opened; check its permissions");
+    if (source.skip_bytes < 0) {
+      const auto size = static_cast<std::size_t>(std::filesystem::file_size(file_));
+      if (size < bytes) fail_short(file_, size, bytes);
+      in_.seekg(static_cast<std::streamoff>(size - bytes));
+      return;
     }
-    if (state == Z_STREAM_END) inflateReset(&z);  // gzip files may be joined
-    const std::size_t room = std::min(kChunk * 256, bytes - at);
-    z.next_out = reinterpret_cast<Bytef*>(room > 0 ? out + at : &beyond);
+    std::string line;
+    for (std::int64_t n = 0; n < source.skip_lines && std::getline(in_, line); ++n) {
+    }
+    in_.seekg(source.skip_bytes, std::ios::cur);
+  }
+
+  [[nodiscard]] std::size_t left() const { return bytes_ - at_; }
+  void read(std::byte* to, std::size_t bytes) {
+    if (encoding_ == SampleEncoding::raw) read_raw(to, bytes);
+    if (encoding_ == SampleEncoding::deflate) read_deflated(to, bytes);
+    if (encoding_ == SampleEncoding::text) read_text(to, bytes);
+  }
+
+ private:
+  void read_raw(std::byte* to, std::size_t bytes) {
+    in_.read(reinterpret_cast<char*>(to), static_cast<std::streamsize>(bytes));
+    at_ += static_cast<std::size_t>(in_.gcount());
+    if (!in_) fail_short(file_, at_, bytes_);
+  }
+  void read_deflated(std::byte* to, std::size_t bytes);
+  void read_text(std::byte* to, std::size_t bytes);
+  void refill();
+
+  std::string file_;
+  std::ifstream in_;
+  SampleEncoding encoding_;
+  SampleType type_;
+  std::size_t bytes_, at_ = 0;
+  Inflater inflater_;
+  int state_ = Z_OK;
+  std::string buffer_;        // as the file has it
+  std::size_t consumed_ = 0;  // of a text in the buffer
+};
+
+void FilePart::read_deflated(std::byte* to, std::size_t bytes) {
+  z_stream& z = inflater_.z;
+  const std::size_t end = at_ + bytes;
+  std::byte beyond{};  // room for what follows the samples: the stream is read to its end, where its checksum is
+  while (at_ < end || end == bytes_) {
+    if (z.avail_in == 0) {
+      buffer_.resize(kChunk);
+      in_.read(buffer_.data(), static_cast<std::streamsize>(buffer_.size()));
+      z.next_in = reinterpret_cast<Bytef*>(buffer_.data());
+      z.avail_in = static_cast<uInt>(in_.gcount());
+      if (z.avail_in == 0) fail_short(file_, at_, bytes_);
+    }
+    if (state_ == Z_STREAM_END) inflateReset(&z);  // gzip files may be joined
+    const std::size_t room = std::min(kChunk * 256, end - at_);
+    z.next_out = reinterpret_cast<Bytef*>(room > 0 ? to : &beyond);
     z.avail_out = static_cast<uInt>(room > 0 ? room : 1);
-    state = inflate(&z, Z_NO_FLUSH);
-    if (room > 0) at += room - z.avail_out;
-    if (state == Z_STREAM_END && at == bytes) return;
+    state_ = inflate(&z, Z_NO_FLUSH);
+    if (room > 0) {
+      at_ += room - z.avail_out;
+      to += room - z.avail_out;
+    }
+    if (state_ == Z_STREAM_END && at_ == bytes_) return;
     if (room == 0 && z.avail_out == 0) return;  // more than the header wants; that is no harm
-    if (state != Z_OK && state != Z_STREAM_END && state != Z_BUF_ERROR)
-      fail(file, "its compressed data are damaged; get a complete copy");
+    if (state_ != Z_OK && state_ != Z_STREAM_END && state_ != Z_BUF_ERROR)
+      fail(file_, "its compressed data are damaged; get a complete copy");
   }
 }
 
-void read_text(const std::string& file, std::ifstream& in, std::byte* out, std::size_t samples, RawImage& image) {
-  const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-  const char* at = text.data();
-  const char* const end = at + text.size();
-  image.visit(0, 0, [&]<class T>(std::span<const T>) {
-    for (std::size_t i = 0; i < samples; ++i) {
-      while (at != end && (std::isspace(static_cast<unsigned char>(*at)) || *at == ',')) ++at;
-      T value{};
-      const auto [stop, failed] = std::from_chars(at, end, value);
+/// Whole words of a text: the rest of the buffer, and more of the file.
+void FilePart::refill() {
+  buffer_.erase(0, consumed_);
+  consumed_ = 0;
+  const std::size_t there = buffer_.size();
+  buffer_.resize(there + kChunk);
+  in_.read(buffer_.data() + there, kChunk);
+  buffer_.resize(there + static_cast<std::size_t>(in_.gcount()));
+}
+
+void FilePart::read_text(std::byte* to, std::size_t bytes) {
+  constexpr std::size_t kLongest = 400;  // characters of a number
+  visit_type(type_, [&]<class T>(T value) {
+    const auto separates = [](char c) { return std::isspace(static_cast<unsigned char>(c)) || c == ','; };
+    for (const std::size_t end = at_ + bytes; at_ < end; at_ += sizeof(T), to += sizeof(T)) {
+      do {
+        if (in_ && buffer_.size() - consumed_ < kLongest) refill();
+        while (consumed_ < buffer_.size() && separates(buffer_[consumed_])) ++consumed_;
+      } while (in_ && buffer_.size() - consumed_ < kLongest);
+      const char* const begin = buffer_.data() + consumed_;
+      const char* const stop = buffer_.data() + buffer_.size();
+      const auto [after, failed] = std::from_chars(begin, stop, value);
       if (failed != std::errc{})
-        fail(file, at == end ? "is cut short: " + std::to_string(i) + " of " + std::to_string(samples) +
-                                   " numbers are there; get a complete copy"
-                             : "holds '" + std::string(at, std::min(at + 10, end)) +
-                                   "' where a number that fits its type should be; repair it");
-      std::memcpy(out + i * sizeof(T), &value, sizeof(T));
-      at = stop;
+        fail(file_, begin == stop ? "is cut short: " + std::to_string(at_ / sizeof(T)) + " of " +
+                                        std::to_string(bytes_ / sizeof(T)) + " numbers are there; get a complete copy"
+                                  : "holds '" + std::string(begin, std::min(begin + 10, stop)) +
+                                        "' where a number that fits its type should be; repair it");
+      std::memcpy(to, &value, sizeof(T));
+      consumed_ += static_cast<std::size_t>(after - begin);
     }
   });
 }
 
+/// The files one after the other.
+class FileSamples : public SampleStream {
+ public:
+  FileSamples(SampleSource source, std::size_t bytes, SampleType type)
+      : source_(std::move(source)), bytes_(bytes / source_.files.size()), type_(type) {}
+  void read(std::byte* to, std::size_t bytes) override {
+    std::byte* const begin = to;
+    const std::size_t all = bytes;
+    while (bytes > 0) {
+      if (!part_) part_ = std::make_unique<FilePart>(source_.files[next_++], source_, bytes_, type_);
+      const std::size_t n = std::min(bytes, part_->left());
+      part_->read(to, n);
+      to += n;
+      bytes -= n;
+      if (part_->left() == 0) part_.reset();
+    }
+    const std::size_t sample = sample_bytes(type_);
+    if (source_.big_endian && source_.encoding != SampleEncoding::text) swap_bytes(begin, all / sample, sample);
+  }
+
+ private:
+  SampleSource source_;
+  std::size_t bytes_;  // of a file
+  SampleType type_;
+  std::size_t next_ = 0;
+  std::unique_ptr<FilePart> part_;
+};
+
 }  // namespace
 
-void read_samples(const std::string& path, const SampleSource& source, std::span<const std::int64_t> sizes,
-                  RawImage& image, const Execution& execution) {
+void open_samples(const std::string& path, const SampleSource& source, std::span<const std::int64_t> sizes,
+                  RawImage& image) {
   std::int64_t stored = 0;
   for (const std::string& file : source.files) {
     std::error_code failed;
@@ -131,17 +191,7 @@ void read_samples(const std::string& path, const SampleSource& source, std::span
   if (source.files.empty() || samples % source.files.size() != 0)
     fail(path, "its " + std::to_string(source.files.size()) +
                    " data files do not share its samples evenly; repair the header");
-  image.allocate(path);
-  const std::size_t part = samples / source.files.size();
-  std::byte* out = image.data.get();
-  for (const std::string& file : source.files) {
-    std::ifstream in = open_at_samples(file, source, part * sample);
-    if (source.encoding == SampleEncoding::raw) read_raw(file, in, out, part * sample, execution);
-    if (source.encoding == SampleEncoding::deflate) read_deflated(file, in, out, part * sample, execution);
-    if (source.encoding == SampleEncoding::text) read_text(file, in, out, part, image);
-    out += part * sample;
-  }
-  if (source.big_endian && source.encoding != SampleEncoding::text) swap_bytes(image.data.get(), samples, sample);
+  image.samples = std::make_unique<FileSamples>(source, image.bytes(), image.type);
 }
 
 std::string beside(const std::string& header, const std::string& name) {

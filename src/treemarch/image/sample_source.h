@@ -8,7 +8,6 @@
 #include <string>
 #include <vector>
 
-#include "treemarch/core/execution.h"
 #include "treemarch/image/raw_image.h"
 
 namespace treemarch {
@@ -23,11 +22,11 @@ struct SampleSource {
   bool big_endian = false;
 };
 
-/// Sizes of the image against those of the files, then all samples in this machine's byte order. `sizes` are those of
-/// all axes as the header gives them. \pre image.extent, volumes and type are set and fit `sizes` \throw Error(input)
-/// where a file is missing, cut short or damaged
-void read_samples(const std::string& path, const SampleSource& source, std::span<const std::int64_t> sizes,
-                  RawImage& image, const Execution& execution);
+/// Compares the sizes of the image with those of the files, and sets image.samples. `sizes` are those of all axes as
+/// the header gives them. \pre image.extent, volumes and type are set and fit `sizes` \throw Error(input) where a file
+/// is missing or too short
+void open_samples(const std::string& path, const SampleSource& source, std::span<const std::int64_t> sizes,
+                  RawImage& image);
 
 /// The files "name" stands for, beside `header`: one, or those of a pattern with one %d (%3d, %03d) and numbers from
 /// `first` to `last`. \throw Error(input) for other patterns
