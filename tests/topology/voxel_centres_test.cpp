@@ -7,6 +7,7 @@
 
 #include "support/images.h"
 #include "support/voxel_mesh.h"
+#include "treemarch/topology/plain_blocks.h"
 
 namespace treemarch {
 namespace {
@@ -76,7 +77,9 @@ TEST(voxel_centres, of_plain_blocks_are_told_by_the_first) {
       };
       const auto any = [](std::int64_t) { return true; };
       centres.visit(simplex, any, use(one));
-      centres.visit(simplex, plain, any, use(all));
+      centres.visit(
+          simplex, plain.extent(), [&](std::int64_t b) { return plain[b] ? Look::at_first : Look::at_all; }, any,
+          use(all));
     });
   std::int64_t plain_blocks = 0;
   for (std::int64_t b = 0; b < plain.size(); ++b) {

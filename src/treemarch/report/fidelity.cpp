@@ -23,6 +23,7 @@ namespace {
 template <class T>
 void lower(T& value, T to) {
   const std::atomic_ref<T> shared(value);
+  if (to == 0) return shared.store(0, std::memory_order_relaxed);  // nothing is smaller
   T now = shared.load(std::memory_order_relaxed);
   while (to < now && !shared.compare_exchange_weak(now, to, std::memory_order_relaxed)) {
   }
@@ -71,7 +72,7 @@ class Painter {
       return image_.voxels[v] == material ? kOwn : static_cast<T>(material + 1);
     };
     centres_.visit(
-        simplex, plain_,
+        simplex, plain_.extent(), [&](std::int64_t b) { return plain_[b] ? Look::at_first : Look::at_all; },
         [&](std::int64_t v) {
           return paint_for(v) < std::atomic_ref(owner_[static_cast<std::size_t>(v)]).load(std::memory_order_relaxed);
         },

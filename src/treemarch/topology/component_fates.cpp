@@ -32,8 +32,9 @@ class Fates {
   [[nodiscard]] bool known(MaterialId material) {
     return std::atomic_ref(missing_[material]).load(std::memory_order_relaxed) == 0;
   }
-  [[nodiscard]] bool covers(std::int64_t voxel, std::uint32_t component) {
-    ComponentFate& fate = of(voxel);
+  [[nodiscard]] bool covers(std::int64_t voxel, std::uint32_t component) { return covers(of(voxel), component); }
+  /// What is known of a component of the image.
+  [[nodiscard]] bool covers(ComponentFate& fate, std::uint32_t component) const {
     return std::atomic_ref(fate.first).load(std::memory_order_relaxed) <= component &&
            std::atomic_ref(fate.last).load(std::memory_order_relaxed) >= component;
   }
@@ -50,7 +51,21 @@ class Fates {
     const std::atomic_ref<std::int64_t> missing(missing_[material]);
     if (is_first && missing.load(std::memory_order_relaxed) > 0) missing.fetch_sub(1, std::memory_order_relaxed);
   }
+  /// Of each material the component of the mesh that its largest component of the image is known to lie in, or kNone.
+  [[nodiscard]] std::vector<std::uint32_t> main_parts() const {
+    std::vector<std::uint32_t> parts(missing_.size(), ComponentFate::kNone);
+    std::vector<std::int64_t> largest(missing_.size(), 0);
+    for (std::size_t c = 0; c < fates_.size(); ++c) {
+      const ImageComponent& component = map_.components[c];
+      if (fates_[c].lost() || component.voxels <= largest[component.material]) continue;
+      largest[component.material] = component.voxels;
+      parts[component.material] = fates_[c].first;
+    }
+    return parts;
+  }
   [[nodiscard]] std::vector<ComponentFate> take() { return std::move(fates_); }
+
+  [[nodiscard]] ComponentFate& of_component(std::uint32_t component) { return fates_[component]; }
 
  private:
   [[nodiscard]] ComponentFate& of(std::int64_t voxel) { return fates_[map_.of(voxel)]; }
@@ -60,32 +75,75 @@ class Fates {
   std::vector<std::int64_t> missing_;  // of each material: components without a fate, or -1: not counted
 };
 
+/// Whether a component of the image is not known to reach the main part of its material.
+template <int Dim>
+bool is_undecided(const ComponentMap& map, Fates<Dim>& fates, std::span<const std::uint32_t> main, std::uint32_t c) {
+  const std::uint32_t part = main[map.components[c].material];
+  return part != ComponentFate::kNone && !fates.covers(fates.of_component(c), part);
+}
+
+/// Marks the blocks with voxels of undecided components of the image.
+template <int Dim>
+std::vector<std::uint8_t> undecided_blocks(const LabelImage<Dim>& image, const ComponentMap& map, Fates<Dim>& fates,
+                                           std::span<const std::uint32_t> main, const Coord<Dim>& blocks,
+                                           const Execution& execution) {
+  constexpr std::int64_t kRowsPerTask = 256;
+  std::vector<std::uint8_t> marks(static_cast<std::size_t>(product(blocks)));
+  parallel_for(execution, std::ssize(map.row_begin) - 1, kRowsPerTask, [&](std::int64_t row) {
+    const auto r = static_cast<std::size_t>(row);
+    const Coord<Dim> block = UniformBlocks<Dim>::block_of(coord_of(row * map.width, image.extent));
+    std::uint8_t* const of_row = marks.data() + linear_index(block, blocks);
+    for (std::size_t i = map.row_begin[r]; i < map.row_begin[r + 1]; ++i) {
+      if (!is_undecided(map, fates, main, map.runs[i].component)) continue;
+      const std::int64_t end = i + 1 < map.row_begin[r + 1] ? map.runs[i + 1].begin : map.width;
+      for (std::int64_t b = map.runs[i].begin >> UniformBlocks<Dim>::kShift;
+           b <= (end - 1) >> UniformBlocks<Dim>::kShift; ++b)
+        std::atomic_ref(of_row[b]).store(1, std::memory_order_relaxed);
+    }
+  });
+  return marks;
+}
+
 }  // namespace
 
+// First the plain blocks, at a glance, which mostly decide about all large components. What is left are small
+// components, whose voxels alone need to be looked at in the cells of the main part of a material, and other parts.
 template <int Dim>
 std::vector<ComponentFate> component_fates(const LabelImage<Dim>& image, const ComponentMap& map, const Mesh<Dim>& mesh,
                                            const MeshComponents<Dim>& components, const PlainBlocks<Dim>& plain,
                                            std::span<const MaterialId> to_image, const Execution& execution) {
   Fates<Dim> fates(map, components, image.labels.size(), to_image, execution);
   const VoxelCentres<Dim> centres(image);
-  for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
-    const CellBlock& block = mesh.blocks[b];
-    parallel_for(execution, block.size(), kCellsPerTask, [&](std::int64_t c) {
-      const MaterialId material = to_image[block.materials[static_cast<std::size_t>(c)]];
-      if (material == kOutside || fates.known(material)) return;
-      std::uint32_t component = ComponentFate::kNone;  // looked up when it is needed
-      for_each_simplex(mesh, block, c, [&](const Simplex<Dim>& simplex) {
-        centres.visit(
-            simplex, plain,
-            [&](std::int64_t v) {
-              if (image.voxels[v] != material) return false;
-              if (component == ComponentFate::kNone) component = components.of(b, c);
-              return !fates.covers(v, component);
-            },
-            [&](std::int64_t v) { fates.widen(v, material, component); });
+  const auto look_at_cells = [&](auto&& skip, auto&& look) {
+    for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
+      const CellBlock& block = mesh.blocks[b];
+      parallel_for(execution, block.size(), kCellsPerTask, [&](std::int64_t c) {
+        const MaterialId material = to_image[block.materials[static_cast<std::size_t>(c)]];
+        if (material == kOutside || fates.known(material)) return;
+        const std::uint32_t component = components.of(b, c);
+        if (skip(material, component)) return;
+        for_each_simplex(mesh, block, c, [&](const Simplex<Dim>& simplex) {
+          centres.visit(
+              simplex, plain.extent(), [&](std::int64_t at) { return look(at, material, component); },
+              [&](std::int64_t v) { return image.voxels[v] == material && !fates.covers(v, component); },
+              [&](std::int64_t v) { fates.widen(v, material, component); });
+        });
       });
-    });
-  }
+    }
+  };
+  look_at_cells([](MaterialId, std::uint32_t) { return false; },
+                [&](std::int64_t at, MaterialId, std::uint32_t) { return plain[at] ? Look::at_first : Look::nowhere; });
+  const std::vector<std::uint32_t> main = fates.main_parts();
+  const std::vector<std::uint8_t> blocks = undecided_blocks(image, map, fates, main, plain.extent(), execution);
+  std::vector<std::uint8_t> undecided(main.size(), 0);  // of each material: whether a component is
+  for (std::uint32_t c = 0; c < map.components.size(); ++c)
+    undecided[map.components[c].material] |= static_cast<std::uint8_t>(is_undecided(map, fates, main, c));
+  look_at_cells([&](MaterialId material,
+                    std::uint32_t component) { return component == main[material] && undecided[material] == 0; },
+                [&](std::int64_t at, MaterialId material, std::uint32_t component) {
+                  const bool decided = component == main[material] && blocks[static_cast<std::size_t>(at)] == 0;
+                  return plain[at] || decided ? Look::nowhere : Look::at_all;
+                });
   return fates.take();
 }
 

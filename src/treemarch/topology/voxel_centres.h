@@ -9,10 +9,12 @@
 
 #include "treemarch/image/label_image.h"
 #include "treemarch/image/uniform_blocks.h"
-#include "treemarch/topology/plain_blocks.h"
 #include "treemarch/topology/simplices.h"
 
 namespace treemarch {
+
+/// Which voxels of a block are visited: of a plain one (PlainBlocks) the first stands for all of them.
+enum class Look : std::uint8_t { nowhere, at_first, at_all };
 
 /// Visits voxel centres in simplices of the inner frame of an image.
 template <int Dim>
@@ -33,9 +35,9 @@ class VoxelCentres {
     visit_box(box, inside, wanted, use);
   }
 
-  /// The same by blocks: of a plain block only the first voxel is looked at, which stands for all of them.
-  template <class Wanted, class Use>
-  void visit(const Simplex<Dim>& simplex, const PlainBlocks<Dim>& plain, Wanted&& wanted, Use&& use) const {
+  /// The same by blocks. \param look a Look for each block, called with its number
+  template <class LookAt, class Wanted, class Use>
+  void visit(const Simplex<Dim>& simplex, const Coord<Dim>& blocks, LookAt&& look, Wanted&& wanted, Use&& use) const {
     const VoxelBox<Dim> box = box_of(simplex);
     if (is_empty(box)) return;
     Inside inside(image_, simplex, box);
@@ -45,8 +47,10 @@ class VoxelCentres {
     for (std::int64_t i = 0; i < product(count); ++i) {
       Coord<Dim> block = coord_of(i, count);
       for (int d = 0; d < Dim; ++d) block[d] += first[d];
+      const Look how = look(linear_index(block, blocks));
+      if (how == Look::nowhere) continue;
       VoxelBox<Dim> part = voxels_of_block(block, image_.extent);
-      if (plain[linear_index(block, plain.extent())])
+      if (how == Look::at_first)
         for (int d = 0; d < Dim; ++d) part.end[d] = part.begin[d] + 1;
       for (int d = 0; d < Dim; ++d) {
         part.begin[d] = std::max(part.begin[d], box.begin[d]);
