@@ -27,7 +27,8 @@ VoxelLists<Dim> lists_of(const LabelImage<Dim>& image, const IndicatorFilter& fi
   lists.chunks.resize(static_cast<std::size_t>(product(blocks)));
   flagged.assign(lists.refs.size(), 0);
   const GreyRule no_grey;
-  BlockBuilder<Dim> builder(image, filter, no_grey);
+  const UniformBlocks<Dim> uniform(image, Execution(1));
+  BlockBuilder<Dim> builder(image, uniform, filter, no_grey);
   for (std::int64_t b = 0; b < product(blocks); ++b)
     builder.build(coord_of(b, blocks), static_cast<std::uint32_t>(b), lists, flagged.data());
   return lists;

@@ -37,8 +37,10 @@ void keep_largest(std::vector<std::uint32_t>& words, std::size_t most) {
 int IndicatorFilter::radius() const { return none() ? 0 : std::max(first.radius(), second.radius()); }
 
 template <int Dim>
-BlockBuilder<Dim>::BlockBuilder(const LabelImage<Dim>& image, const IndicatorFilter& filter, const GreyRule& grey)
+BlockBuilder<Dim>::BlockBuilder(const LabelImage<Dim>& image, const UniformBlocks<Dim>& uniform,
+                                const IndicatorFilter& filter, const GreyRule& grey)
     : image_(image),
+      uniform_(uniform),
       filter_(filter),
       grey_(grey),
       halo_(std::max({filter.radius(), filter.band, grey.values != nullptr ? 1 : 0})),
@@ -390,9 +392,29 @@ void BlockBuilder<Dim>::write_bricks(const Coord<Dim>& block, std::uint32_t chun
   if (chunk.size() > empty) lists.chunks[chunk_id].assign(chunk.begin(), chunk.end());
 }
 
+/// Writes the bricks of a block that is of one label, with the band around it.
+template <int Dim>
+bool BlockBuilder<Dim>::write_uniform(const Coord<Dim>& block, VoxelLists<Dim>& lists) const {
+  Coord<Dim> first, last;
+  VoxelBox<Dim> bricks;
+  for (int d = 0; d < Dim; ++d) {
+    first[d] = block[d] * kSide - filter_.band;
+    last[d] = (block[d] + 1) * kSide - 1 + filter_.band;
+    bricks.begin[d] = block[d] * kBricksPerSide;
+    bricks.end[d] = std::min(bricks.begin[d] + kBricksPerSide, lists.brick_extent[d]);
+  }
+  const MaterialId material = uniform_.within(first, last);
+  if (material == UniformBlocks<Dim>::kMixed) return false;
+  for_each_row(bricks, lists.brick_extent, [&](const Coord<Dim>&, std::int64_t at) {
+    std::fill_n(lists.refs.begin() + at, bricks.end[0] - bricks.begin[0], VoxelLists<Dim>::kUniform | material);
+  });
+  return true;
+}
+
 template <int Dim>
 void BlockBuilder<Dim>::build(const Coord<Dim>& block, std::uint32_t chunk_id, VoxelLists<Dim>& lists,
                               std::uint64_t* flagged) {
+  if (write_uniform(block, lists)) return;
   gather_runs(block);
   const bool any_mixed = find_mixed_bricks();
   fill_own();

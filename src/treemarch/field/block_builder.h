@@ -9,6 +9,7 @@
 #include "treemarch/field/kernel.h"
 #include "treemarch/field/voxel_lists.h"
 #include "treemarch/image/label_image.h"
+#include "treemarch/image/uniform_blocks.h"
 
 namespace treemarch {
 
@@ -37,7 +38,9 @@ class BlockBuilder {
  public:
   static constexpr int kSide = Dim == 3 ? 16 : 32;  ///< voxels along each side of a block
 
-  BlockBuilder(const LabelImage<Dim>& image, const IndicatorFilter& filter, const GreyRule& grey);
+  /// \param uniform of the image. \pre all arguments outlive the object
+  BlockBuilder(const LabelImage<Dim>& image, const UniformBlocks<Dim>& uniform, const IndicatorFilter& filter,
+               const GreyRule& grey);
 
   /// Fills refs and chunk of the block, and a bit a voxel where the voxel's own label does not win by a margin.
   /// \param flagged one word a brick, or null.
@@ -59,6 +62,7 @@ class BlockBuilder {
     std::uint16_t place;
   };
 
+  bool write_uniform(const Coord<Dim>& block, VoxelLists<Dim>& lists) const;
   void gather_runs(const Coord<Dim>& block);
   template <class T>
   void gather_row(const T* row, std::int32_t first, int y, int z);
@@ -78,6 +82,7 @@ class BlockBuilder {
   void write_bricks(const Coord<Dim>& block, std::uint32_t chunk_id, VoxelLists<Dim>& lists, std::uint64_t* flagged);
 
   const LabelImage<Dim>& image_;
+  const UniformBlocks<Dim>& uniform_;
   const IndicatorFilter& filter_;
   const GreyRule& grey_;
   int halo_;

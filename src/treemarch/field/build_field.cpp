@@ -94,9 +94,10 @@ Field<Dim> build(const LabelImage<Dim>& image, FieldKind kind, const IndicatorFi
   if (block_total >= std::int64_t{1} << 31) throw Error(ErrorKind::limits, "image: too many voxels; crop it");
   lists.refs.resize(static_cast<std::size_t>(product(lists.brick_extent)));
   lists.chunks.resize(static_cast<std::size_t>(block_total));
+  const UniformBlocks<Dim> uniform(image, execution);
   std::vector<std::uint64_t> flagged(thin ? lists.refs.size() : 0);
   parallel_for_ranges(execution, block_total, 8, [&](std::int64_t begin, std::int64_t end) {
-    BlockBuilder<Dim> builder(image, filter, grey);
+    BlockBuilder<Dim> builder(image, uniform, filter, grey);
     for (std::int64_t b = begin; b < end; ++b)
       builder.build(coord_of(b, blocks), static_cast<std::uint32_t>(b), lists, thin ? flagged.data() : nullptr);
   });

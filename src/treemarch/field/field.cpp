@@ -8,8 +8,9 @@ namespace treemarch {
 
 namespace {
 
+/// Rounds down.
 std::int32_t clamp_voxel(double v, std::int32_t extent) {
-  // In double first: a point far outside must not overflow the integer.
+  // In double first: a point far outside must not overflow the integer. What is not negative is rounded without a call.
   return static_cast<std::int32_t>(std::clamp(v, 0.0, static_cast<double>(extent - 1)));
 }
 
@@ -29,7 +30,7 @@ Tap solid_angle_tap(double u, std::int32_t extent) {
   constexpr double kOnFace = 1e-6;  // voxels
   const double face = std::round(u);
   if (std::abs(u - face) < kOnFace && face > 0 && face < extent) return {static_cast<std::int32_t>(face) - 1, 0.5};
-  return {clamp_voxel(std::floor(u), extent), 0};
+  return {clamp_voxel(u, extent), 0};
 }
 
 /// The cell of voxel centres around a point, and where in it the point lies.
@@ -274,7 +275,7 @@ float Field<Dim>::difference(const Vec<Dim>& x, MaterialId a, MaterialId b) cons
 template <int Dim>
 MaterialId Field<Dim>::voxel_label(const Vec<Dim>& x) const {
   Coord<Dim> voxel{};
-  for (int d = 0; d < Dim; ++d) voxel[d] = clamp_voxel(std::floor(x[d] / spacing_[d]), bricks_.extent[d]);
+  for (int d = 0; d < Dim; ++d) voxel[d] = clamp_voxel(x[d] / spacing_[d], bricks_.extent[d]);
   return bricks_.own(voxel);
 }
 
@@ -284,8 +285,8 @@ MaterialId Field<Dim>::uniform_label(const Vec<Dim>& low, const Vec<Dim>& high) 
   Coord<Dim> count{};
   const int reach = kind_ == FieldKind::bspline3 ? 1 : 0;  // a brick knows one more layer of voxels
   for (int d = 0; d < Dim; ++d) {
-    const std::int32_t a = clamp_voxel(std::floor(low[d] / spacing_[d] - 0.5) - reach, bricks_.extent[d]);
-    const std::int32_t b = clamp_voxel(std::floor(high[d] / spacing_[d] - 0.5) + reach, bricks_.extent[d]);
+    const std::int32_t a = clamp_voxel(low[d] / spacing_[d] - 0.5 - reach, bricks_.extent[d]);
+    const std::int32_t b = clamp_voxel(high[d] / spacing_[d] - 0.5 + reach, bricks_.extent[d]);
     first[d] = a >> Bricks<Dim>::kShift;
     count[d] = (b >> Bricks<Dim>::kShift) - first[d] + 1;
   }

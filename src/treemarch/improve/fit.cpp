@@ -84,13 +84,14 @@ class Fitter {
     Patch<Dim> patch(mesh_, std::move(chosen_), execution_);
     patch.guard(options_.anchors);
     link(patch);
+    const Turns<Dim> turns(patch, patch.chosen(), execution_);
     report_.facets = static_cast<std::int64_t>(facets_.size());
     for (int round = 0; round < kRounds; ++round) {
       measure();
       if (round == 0) report_.rms_before = rms();
       for (int s = 0; s < kSweeps; ++s)
-        report_.moves +=
-            sweep(patch, restless(patch), execution_, [&](VertexId v, Vec<Dim>& x) { return find_place(patch, v, x); });
+        report_.moves += sweep(patch, turns, restless(patch), execution_,
+                               [&](VertexId v, Vec<Dim>& x) { return find_place(patch, v, x); });
     }
     report_.rms_after = rms();
     return report_;
@@ -108,7 +109,7 @@ class Fitter {
   bool to_field(const Facet<Dim>& f, const Vec<Dim>& x, double limit, double& t) const;
   bool to_voxels(const Facet<Dim>& f, const Vec<Dim>& x, double limit, double& t) const;
   [[nodiscard]] Vec<Dim> wish_of(const Patch<Dim>& patch, VertexId v) const;
-  [[nodiscard]] std::vector<VertexId> restless(const Patch<Dim>& patch) const;
+  [[nodiscard]] std::vector<std::uint8_t> restless(const Patch<Dim>& patch) const;
   bool find_place(const Patch<Dim>& patch, VertexId v, Vec<Dim>& x) const;
   [[nodiscard]] bool is_good(const Patch<Dim>& patch, VertexId v, const Vec<Dim>& x) const;
 
@@ -154,7 +155,8 @@ void Fitter<Dim>::set_order(Facet<Dim>& f) const {
 /// The facets of vertices whose facets are large on average.
 template <int Dim>
 void Fitter<Dim>::find_facets() {
-  const std::vector<FacetBlock> blocks = extract_interfaces(mesh_, Hull::include, execution_);
+  const std::vector<FacetBlock> blocks =
+      extract_interfaces(mesh_, options_.outside == kOutside ? Hull::leave_out : Hull::include, execution_);
   const auto points_of = [&](const VertexId* v) {
     std::array<Vec<Dim>, Dim> p;
     for (int k = 0; k < Dim; ++k) p[k] = mesh_.points[v[k]];
@@ -167,7 +169,7 @@ void Fitter<Dim>::find_facets() {
       for (std::int64_t i = 0; i < block.size(); ++i) {
         const VertexId* v = block.vertices.data() + i * Dim;
         const auto p = points_of(v);
-        if (block.second[i] != kOutside || (options_.outside != kOutside && !lies_on_box(p))) use(block, i, v, p);
+        if (block.second[i] != kOutside || !lies_on_box(p)) use(block, i, v, p);
       }
     }
   };
@@ -386,18 +388,15 @@ Vec<Dim> Fitter<Dim>::wish_of(const Patch<Dim>& patch, VertexId v) const {
   return solve_definite<Dim>(matrix, wish);
 }
 
-/// Vertices that want to move.
+/// Which of the chosen vertices want to move.
 template <int Dim>
-std::vector<VertexId> Fitter<Dim>::restless(const Patch<Dim>& patch) const {
+std::vector<std::uint8_t> Fitter<Dim>::restless(const Patch<Dim>& patch) const {
   const std::vector<VertexId>& all = patch.chosen();
   std::vector<std::uint8_t> wants(all.size());
   parallel_for(execution_, static_cast<std::int64_t>(all.size()), kBlock, [&](std::int64_t i) {
     wants[i] = squared_norm(wish_of(patch, all[i])) > kLeast * kLeast * voxel_ * voxel_;
   });
-  std::vector<VertexId> some;
-  for (std::size_t i = 0; i < all.size(); ++i)
-    if (wants[i] != 0) some.push_back(all[i]);
-  return some;
+  return wants;
 }
 
 template <int Dim>

@@ -1,8 +1,10 @@
 #include "treemarch/mesh/interfaces.h"
 
 #include <array>
+#include <cstdint>
 #include <utility>
 
+#include "treemarch/mesh/border_vertices.h"
 #include "treemarch/mesh/cell_topology.h"
 #include "treemarch/mesh/facets.h"
 
@@ -45,10 +47,14 @@ void append(std::vector<T>& to, const std::vector<T>& from) {
 
 template <int Dim>
 std::vector<FacetBlock> extract_interfaces(const Mesh<Dim>& mesh, Hull hull, const Execution& execution) {
+  std::vector<std::uint8_t> borders(mesh.points.size());
+  mark_interfaces(mesh, borders, execution);
+  if (hull == Hull::include) mark_hull(mesh, 0, borders, execution);
   std::vector<PartBlocks> parts(facet_part_count(static_cast<std::int64_t>(mesh.points.size())));
-  visit_facets<Dim>(mesh, execution, [&](std::int64_t part, std::span<const FacetSide> sides) {
-    add_facet(mesh, sides, hull, parts[part]);
-  });
+  visit_facets<Dim>(
+      mesh, execution,
+      [&](std::int64_t part, std::span<const FacetSide> sides) { add_facet(mesh, sides, hull, parts[part]); },
+      {borders});
   std::vector<FacetBlock> result;
   constexpr std::pair<int, CellType> kTypes[] = {{2, CellType::line}, {3, CellType::triangle}, {4, CellType::quad}};
   for (const auto& [size, type] : kTypes) {

@@ -11,6 +11,7 @@
 
 #include "treemarch/core/error.h"
 #include "treemarch/core/parallel.h"
+#include "treemarch/image/uniform_blocks.h"
 
 namespace treemarch {
 namespace {
@@ -34,21 +35,26 @@ template <int Dim>
 Faces<Dim> count_faces(const LabelImage<Dim>& image, const Execution& execution) {
   std::array<std::int64_t, Dim> stride{};
   for (std::int64_t d = 0, n = 1; d < Dim; n *= image.extent[d++]) stride[d] = n;
-  const std::int64_t row = image.extent[0], rows = product(image.extent) / row;
-  const std::int64_t block = std::max<std::int64_t>(1, (1 << 16) / row);
+  const UniformBlocks<Dim> uniform(image, execution);
   return image.voxels.visit([&](const auto* v) {
+    // Those of a voxel to the next ones along the axes.
     const auto count = [&](std::int64_t begin, std::int64_t end) {
       Faces<Dim> faces{};
-      for (std::int64_t r = begin; r < end; ++r) {
-        const Coord<Dim> c = coord_of(r * row, image.extent);
-        const auto* line = v + r * row;
-        for (std::int64_t i = 1; i < row; ++i) faces[0] += line[i] != line[i - 1];
-        for (int d = 1; d < Dim; ++d)
-          for (std::int64_t i = 0; i < row && c[d] > 0; ++i) faces[d] += line[i] != line[i - stride[d]];
+      for (std::int64_t b = begin; b < end; ++b) {
+        const VoxelBox<Dim> box = voxels_of_block(coord_of(b, uniform.extent()), image.extent);
+        if (uniform.within(box.begin, box.end) != UniformBlocks<Dim>::kMixed) continue;
+        for_each_row(box, image.extent, [&](const Coord<Dim>& c, std::int64_t at) {
+          const std::int64_t n = box.end[0] - c[0];
+          for (std::int64_t i = at; i < at + (box.end[0] < image.extent[0] ? n : n - 1); ++i)
+            faces[0] += v[i] != v[i + 1];
+          for (int d = 1; d < Dim; ++d)
+            for (std::int64_t i = at; i < at + n && c[d] + 1 < image.extent[d]; ++i)
+              faces[d] += v[i] != v[i + stride[d]];
+        });
       }
       return faces;
     };
-    return parallel_reduce(execution, rows, block, Faces<Dim>{}, count, [](Faces<Dim> a, const Faces<Dim>& b) {
+    return parallel_reduce(execution, uniform.size(), 256, Faces<Dim>{}, count, [](Faces<Dim> a, const Faces<Dim>& b) {
       for (int d = 0; d < Dim; ++d) a[d] += b[d];
       return a;
     });

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "treemarch/core/parallel.h"
+#include "treemarch/image/uniform_blocks.h"
 
 namespace treemarch {
 namespace {
@@ -27,29 +28,38 @@ template <int Dim>
 Extent<Dim> measure(const LabelImage<Dim>& image, const Execution& execution) {
   const std::size_t materials = image.labels.size();
   const Extent<Dim> none{std::vector<std::int64_t>(materials), std::vector<std::array<std::int64_t, Dim>>(materials)};
-  const std::int64_t row = image.extent[0], rows = image.voxels.size() / row;
-  const std::int64_t block = std::max<std::int64_t>(1, block_count(rows, 64));  // few blocks: each has a table
   std::array<std::int64_t, Dim> stride{};
   for (std::int64_t d = 0, n = 1; d < Dim; n *= image.extent[d++]) stride[d] = n;
-  std::vector<Extent<Dim>> part(block_count(rows, block), none);
-  image.voxels.visit([&](const auto* voxels) {
-    parallel_for(execution, static_cast<std::int64_t>(part.size()), 1, [&](std::int64_t b) {
-      for (std::int64_t r = b * block; r < std::min(rows, (b + 1) * block); ++r) {
-        Coord<Dim> c = coord_of(r * row, image.extent);
-        for (std::int64_t i = r * row; i < (r + 1) * row; ++i, ++c[0]) {
-          ++part[b].voxels[voxels[i]];
-          for (int d = 0; d < Dim; ++d) {
-            if (c[d] + 1 == image.extent[d] || voxels[i + stride[d]] == voxels[i]) continue;
-            ++part[b].faces[voxels[i]][d];
-            ++part[b].faces[voxels[i + stride[d]]][d];
-          }
+  const UniformBlocks<Dim> uniform(image, execution);
+  constexpr std::int64_t kParts = 64;  // few: each has a table
+  return image.voxels.visit([&](const auto* voxels) {
+    const auto measure_blocks = [&](std::int64_t begin, std::int64_t end) {
+      Extent<Dim> part = none;
+      for (std::int64_t b = begin; b < end; ++b) {
+        const VoxelBox<Dim> box = voxels_of_block(coord_of(b, uniform.extent()), image.extent);
+        if (const MaterialId m = uniform.within(box.begin, box.end); m != UniformBlocks<Dim>::kMixed) {
+          part.voxels[m] += box.size();
+          continue;
         }
+        for_each_row(box, image.extent, [&](Coord<Dim> c, std::int64_t i) {
+          for (; c[0] < box.end[0]; ++c[0], ++i) {
+            ++part.voxels[voxels[i]];
+            for (int d = 0; d < Dim; ++d) {
+              if (c[d] + 1 == image.extent[d] || voxels[i + stride[d]] == voxels[i]) continue;
+              ++part.faces[voxels[i]][d];
+              ++part.faces[voxels[i + stride[d]]][d];
+            }
+          }
+        });
       }
-    });
+      return part;
+    };
+    return parallel_reduce(execution, uniform.size(), std::max<std::int64_t>(1, block_count(uniform.size(), kParts)),
+                           none, measure_blocks, [](Extent<Dim> a, const Extent<Dim>& b) {
+                             a.add(b);
+                             return a;
+                           });
   });
-  Extent<Dim> sum = none;
-  for (const auto& p : part) sum.add(p);
-  return sum;
 }
 
 /// Sizes of materials, as the thickness of cells and of materials are compared.

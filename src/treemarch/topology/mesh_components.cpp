@@ -5,6 +5,7 @@
 #include <span>
 
 #include "treemarch/core/parallel.h"
+#include "treemarch/mesh/border_vertices.h"
 #include "treemarch/mesh/cell_topology.h"
 #include "treemarch/topology/vertex_link.h"
 
@@ -18,14 +19,6 @@ namespace {
 constexpr std::int64_t kCellsPerTask = 1 << 13;
 constexpr MaterialId kUnused = kOutside;
 
-/// A bijection that scatters its argument (the finaliser of SplitMix64).
-std::uint64_t scatter(std::uint64_t x) {
-  x += 0x9e3779b97f4a7c15U;
-  x = (x ^ (x >> 30U)) * 0xbf58476d1ce4e5b9U;
-  x = (x ^ (x >> 27U)) * 0x94d049bb133111ebU;
-  return x ^ (x >> 31U);
-}
-
 }  // namespace
 
 template <int Dim>
@@ -35,7 +28,7 @@ MeshComponents<Dim>::MeshComponents(const Mesh<Dim>& mesh, const Execution& exec
   if (known.fills)
     mark_sides(*known.fills, execution);
   else
-    mark_hull(execution);
+    mark_hull(mesh, known.uniform_cells, border_, execution);
   // Uniform cells have inner vertices, and need no number.
   std::size_t n = mesh.points.size() - static_cast<std::size_t>(known.uniform_cells);
   for (const CellBlock& block : mesh.blocks) {
@@ -85,37 +78,6 @@ void MeshComponents<Dim>::mark_sides(const Vec<Dim>& far_corner, const Execution
       on_side |= x[d] < kTolerance * far_corner[d] || x[d] > (1 - kTolerance) * far_corner[d];
     std::uint8_t& border = border_[static_cast<std::size_t>(v)];
     if (on_side && border == kInside) border = kSide;
-  });
-}
-
-/// Marks vertices around which the cells do not close.
-///
-/// Each vertex within one material adds up (xor) a hash of each of its facets. Those between two cells cancel.
-template <int Dim>
-void MeshComponents<Dim>::mark_hull(const Execution& execution) {
-  std::vector<std::uint64_t> sums(mesh_.points.size());
-  for_each_near_cell(execution, [&](std::size_t b, std::int64_t c) {
-    const CellBlock& block = mesh_.blocks[b];
-    const VertexId* v = block.cell(c);
-    const int n = vertex_count(block.type);
-    bool any = false;
-    for (int i = 0; i < n; ++i) any |= border_[v[i]] == 0;
-    if (!any) return;
-    const CellTopology& shape = topology(block.type);
-    std::array<std::uint64_t, 8> hash{}, sum{};
-    for (int i = 0; i < n; ++i) hash[i] = scatter(v[i]);
-    for (int k = 0; k < shape.facet_count; ++k) {
-      const LocalFacet& facet = shape.facets[k];
-      std::uint64_t h = 0;
-      for (int i = 0; i < facet.size; ++i) h += hash[facet.vertex[i]];
-      h = scatter(h);
-      for (int i = 0; i < facet.size; ++i) sum[facet.vertex[i]] ^= h;
-    }
-    for (int i = 0; i < n; ++i)
-      if (border_[v[i]] == 0) std::atomic_ref(sums[v[i]]).fetch_xor(sum[i], std::memory_order_relaxed);
-  });
-  parallel_for(execution, std::ssize(sums), 1 << 16, [&](std::int64_t v) {
-    if (sums[static_cast<std::size_t>(v)] != 0) border_[static_cast<std::size_t>(v)] = kBorder;
   });
 }
 

@@ -75,7 +75,6 @@ class MeshComponents {
   [[nodiscard]] bool is_cell(Index part) const { return part >= mesh_.points.size(); }
   void mark_interfaces(const Execution& execution);
   void mark_sides(const Vec<Dim>& far_corner, const Execution& execution);
-  void mark_hull(const Execution& execution);
   void join_inside(const Execution& execution);
   void join_at_borders(const Execution& execution);
   void find_pinches(const Execution& execution) requires(Dim < 4);

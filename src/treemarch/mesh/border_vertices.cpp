@@ -1,0 +1,79 @@
+#include "treemarch/mesh/border_vertices.h"
+
+#include <array>
+#include <atomic>
+
+#include "treemarch/core/parallel.h"
+#include "treemarch/mesh/cell_topology.h"
+#include "treemarch/mesh/material_mark.h"
+
+namespace treemarch {
+namespace {
+
+constexpr std::int64_t kCellsPerTask = 1 << 13;
+
+/// A bijection that scatters its argument (the finaliser of SplitMix64).
+std::uint64_t scatter(std::uint64_t x) {
+  x += 0x9e3779b97f4a7c15U;
+  x = (x ^ (x >> 30U)) * 0xbf58476d1ce4e5b9U;
+  x = (x ^ (x >> 27U)) * 0x94d049bb133111ebU;
+  return x ^ (x >> 31U);
+}
+
+}  // namespace
+
+template <int Dim>
+void mark_interfaces(const Mesh<Dim>& mesh, std::vector<std::uint8_t>& marks, const Execution& execution) {
+  std::vector<MaterialId> met(mesh.points.size(), kOutside);
+  for (const CellBlock& block : mesh.blocks)
+    parallel_for(execution, block.size(), kCellsPerTask, [&](std::int64_t c) {
+      for (int i = 0; i < vertex_count(block.type); ++i)
+        note_material(met[block.cell(c)[i]], block.materials[static_cast<std::size_t>(c)]);
+    });
+  parallel_for(execution, std::ssize(met), 1 << 16, [&](std::int64_t v) {
+    if (met[static_cast<std::size_t>(v)] == kSeveral) marks[static_cast<std::size_t>(v)] = 1;
+  });
+}
+
+/// Each vertex adds up (xor) a hash of each of its facets. Those between two cells cancel.
+template <int Dim>
+void mark_hull(const Mesh<Dim>& mesh, std::int64_t first_cell, std::vector<std::uint8_t>& marks,
+               const Execution& execution) {
+  std::vector<std::uint64_t> sums(mesh.points.size());
+  for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
+    const CellBlock& block = mesh.blocks[b];
+    const CellTopology& shape = topology(block.type);
+    const int n = vertex_count(block.type);
+    const std::int64_t first = b == 0 ? first_cell : 0;
+    parallel_for(execution, block.size() - first, kCellsPerTask, [&](std::int64_t c) {
+      const VertexId* v = block.cell(first + c);
+      bool any = false;
+      for (int i = 0; i < n; ++i) any |= marks[v[i]] == 0;
+      if (!any) return;
+      std::array<std::uint64_t, 8> hash{}, sum{};
+      for (int i = 0; i < n; ++i) hash[i] = scatter(v[i]);
+      for (int k = 0; k < shape.facet_count; ++k) {
+        const LocalFacet& facet = shape.facets[k];
+        std::uint64_t h = 0;
+        for (int i = 0; i < facet.size; ++i) h += hash[facet.vertex[i]];
+        h = scatter(h);
+        for (int i = 0; i < facet.size; ++i) sum[facet.vertex[i]] ^= h;
+      }
+      for (int i = 0; i < n; ++i)
+        if (marks[v[i]] == 0) std::atomic_ref(sums[v[i]]).fetch_xor(sum[i], std::memory_order_relaxed);
+    });
+  }
+  parallel_for(execution, std::ssize(sums), 1 << 16, [&](std::int64_t v) {
+    if (sums[static_cast<std::size_t>(v)] != 0) marks[static_cast<std::size_t>(v)] = 1;
+  });
+}
+
+#define TREEMARCH_INSTANTIATE(DIM)                                                               \
+  template void mark_interfaces(const Mesh<DIM>&, std::vector<std::uint8_t>&, const Execution&); \
+  template void mark_hull(const Mesh<DIM>&, std::int64_t, std::vector<std::uint8_t>&, const Execution&);
+TREEMARCH_INSTANTIATE(2)
+TREEMARCH_INSTANTIATE(3)
+TREEMARCH_INSTANTIATE(4)
+#undef TREEMARCH_INSTANTIATE
+
+}  // namespace treemarch
