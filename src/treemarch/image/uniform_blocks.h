@@ -50,6 +50,11 @@ template <int Dim>
 struct VoxelBox {
   Coord<Dim> begin{}, end{};
 
+  [[nodiscard]] bool is_empty() const {
+    for (int d = 0; d < Dim; ++d)
+      if (begin[d] >= end[d]) return true;
+    return false;
+  }
   [[nodiscard]] std::int64_t size() const {
     std::int64_t n = 1;
     for (int d = 0; d < Dim; ++d) n *= end[d] - begin[d];

@@ -4,32 +4,24 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <utility>
 
 #include "treemarch/core/parallel.h"
+#include "treemarch/image/uniform_blocks.h"
 
 namespace treemarch {
 namespace {
 
 constexpr std::uint32_t kNone = 0xffffffffU;
+constexpr double kUnknown = -std::numeric_limits<double>::infinity();
 constexpr double kMargin = 0.25;     // of the side: voxels around a cell that count as well
 constexpr std::int64_t kPiece = 8;   // voxels
 constexpr double kMostOverMean = 2;  // distance of an interface from a plane that fits it
 
-template <int Dim>
-struct Box {
-  Coord<Dim> begin{}, end{};
-
-  [[nodiscard]] bool empty() const {
-    for (int d = 0; d < Dim; ++d)
-      if (begin[d] >= end[d]) return true;
-    return false;
-  }
-};
-
 /// Calls f(coordinates, index) for the points of a box in an array, first axis fastest.
 template <int Dim, class F>
-void for_points(const Box<Dim>& box, const Coord<Dim>& extent, F&& f) {
+void for_points(const VoxelBox<Dim>& box, const Coord<Dim>& extent, F&& f) {
   Coord<Dim> c = box.begin;
   while (true) {
     std::int64_t i = linear_index(c, extent);
@@ -51,7 +43,7 @@ class LinearLabels {
   explicit LinearLabels(const LabelImage<Dim>& image) : image_(image), place_(image.labels.size(), kNone) {}
 
   /// Voxels that the function of another label would take.
-  std::int64_t wrong_voxels(const Box<Dim>& box) {
+  std::int64_t wrong_voxels(const VoxelBox<Dim>& box) {
     gather(box);
     std::int64_t wrong = 0;
     if (labels_.size() > 1) {
@@ -72,41 +64,59 @@ class LinearLabels {
     bool on_rim = false;
     std::int64_t voxels = 0, right = 0;
     double mean = 0;
-    Vec<Dim> slope{};  // until fit(): sum of the places
+    Vec<Dim> slope{};      // until fit(): sum of the places
+    double along_row = 0;  // at the begin of a row
+    double limit = 0;      // of half_space()
   };
 
   /// Twice the place relative to the middle of the box: a whole number.
-  static Vec<Dim> relative(const Coord<Dim>& c, const Box<Dim>& box) {
+  static Vec<Dim> relative(const Coord<Dim>& c, const VoxelBox<Dim>& box) {
     Vec<Dim> x;
     for (int d = 0; d < Dim; ++d) x[d] = 2 * c[d] + 1 - box.begin[d] - box.end[d];
     return x;
   }
   /// Whether the label may go on beyond the box.
-  [[nodiscard]] bool is_rim(const Coord<Dim>& c, const Box<Dim>& box) const {
+  [[nodiscard]] bool is_rim(const Coord<Dim>& c, const VoxelBox<Dim>& box) const {
     for (int d = 0; d < Dim; ++d)
       if ((c[d] == box.begin[d] && c[d] > 0) || (c[d] + 1 == box.end[d] && c[d] + 1 < image_.extent[d])) return true;
     return false;
   }
-  void gather(const Box<Dim>& box) {
+  /// By runs of one label along the first axis; sums of places are whole numbers, exact in any order.
+  void gather(const VoxelBox<Dim>& box) {
     labels_.clear();
     own_.clear();
     image_.voxels.visit([&](const auto* voxels) {
-      for_points(box, image_.extent, [&](const Coord<Dim>& c, std::int64_t i) {
-        std::uint32_t& place = place_[voxels[i]];
-        if (place == kNone) {
-          place = static_cast<std::uint32_t>(labels_.size());
-          labels_.push_back({.material = voxels[i]});
+      for_each_row(box, image_.extent, [&](Coord<Dim> c, std::int64_t i) {
+        while (c[0] < box.end[0]) {
+          std::int32_t end = c[0] + 1;
+          while (end < box.end[0] && voxels[i + end - c[0]] == voxels[i]) ++end;
+          add_run(voxels[i], c, end, box);
+          i += end - c[0];
+          c[0] = end;
         }
-        Label& label = labels_[place];
-        own_.push_back(place);
-        ++label.voxels;
-        label.slope = label.slope + relative(c, box);
-        label.on_rim = label.on_rim || is_rim(c, box);
       });
     });
   }
+  /// The voxels from `first` up to but without `end` along the first axis.
+  void add_run(MaterialId material, const Coord<Dim>& first, std::int32_t end, const VoxelBox<Dim>& box) {
+    std::uint32_t& place = place_[material];
+    if (place == kNone) {
+      place = static_cast<std::uint32_t>(labels_.size());
+      labels_.push_back({.material = material});
+    }
+    const std::int32_t n = end - first[0];
+    own_.insert(own_.end(), static_cast<std::size_t>(n), place);
+    Label& label = labels_[place];
+    label.voxels += n;
+    Vec<Dim> sum = static_cast<double>(n) * relative(first, box);
+    sum[0] += static_cast<double>(n) * (n - 1);
+    label.slope = label.slope + sum;
+    Coord<Dim> last = first;
+    last[0] = end - 1;
+    label.on_rim = label.on_rim || is_rim(first, box) || is_rim(last, box);
+  }
   /// Least squares: places along different axes are uncorrelated over a box.
-  void fit(const Box<Dim>& box) {
+  void fit(const VoxelBox<Dim>& box) {
     const auto n = static_cast<double>(own_.size());
     for (Label& l : labels_) {
       l.mean = static_cast<double>(l.voxels) / n;
@@ -119,36 +129,50 @@ class LinearLabels {
   /// A voxel is wrong if another label's function is larger, and if it is not among the voxels that its own function
   /// would take for as many as the label has: the first alone is unfair where labels have unequal shares, the second
   /// where three of them meet.
-  std::int64_t compare(const Box<Dim>& box) {
+  std::int64_t compare(const VoxelBox<Dim>& box) {
     constexpr double kTie = 1e-9;
     suspects_.clear();
-    std::size_t i = 0;
-    for_points(box, image_.extent, [&](const Coord<Dim>& c, std::int64_t) {
+    const std::int32_t width = box.end[0] - box.begin[0];
+    most_.resize(static_cast<std::size_t>(width));
+    auto own = own_.begin();
+    for_each_row(box, image_.extent, [&](const Coord<Dim>& c, std::int64_t) {
+      // Along a row each function is a value at its begin, and a slope.
       const Vec<Dim> x = relative(c, box);
-      Label& own = labels_[own_[i++]];
-      const double least = own.mean + dot(own.slope, x) + kTie;
-      if (std::ranges::any_of(labels_, [&](const Label& l) { return l.mean + dot(l.slope, x) > least; }))
-        suspects_.push_back({own_[i - 1], dot(own.slope, x)});
-      else
-        ++own.right;
+      std::ranges::fill(most_, -std::numeric_limits<double>::infinity());
+      for (Label& l : labels_) {
+        l.along_row = dot(l.slope, x);
+        const double value = l.mean + l.along_row, step = 2 * l.slope[0];
+        double* const most = most_.data();
+        for (std::int32_t k = 0; k < width; ++k) most[k] = std::max(most[k], value + k * step);
+      }
+      for (std::int32_t k = 0; k < width; ++k, ++own) {
+        Label& l = labels_[*own];
+        const double along = l.along_row + k * (2 * l.slope[0]);
+        if (most_[static_cast<std::size_t>(k)] > l.mean + along + kTie)
+          suspects_.push_back({*own, along});
+        else
+          ++l.right;
+      }
     });
-    std::ranges::sort(suspects_);
+    for (Label& l : labels_) l.limit = kUnknown;
     std::int64_t wrong = 0;
-    for (std::size_t s = 0; s < suspects_.size(); ++s) {
-      Label& own = labels_[suspects_[s].first];
-      if (s == 0 || suspects_[s].first != suspects_[s - 1].first) limit_ = half_space(own, box) - kTie;
-      if (suspects_[s].second < limit_)
+    for (const auto& [place, along] : suspects_) {
+      Label& l = labels_[place];
+      if (l.limit == kUnknown) l.limit = half_space(l, box) - kTie;
+      if (along < l.limit)
         ++wrong;
       else
-        ++own.right;
+        ++l.right;
     }
     return wrong;
   }
   /// The value along the slope of a label above which lie as many voxels of the box as it has.
-  double half_space(const Label& label, const Box<Dim>& box) {
+  double half_space(const Label& label, const VoxelBox<Dim>& box) {
     along_.clear();
-    for_points(box, image_.extent,
-               [&](const Coord<Dim>& c, std::int64_t) { along_.push_back(dot(label.slope, relative(c, box))); });
+    for_each_row(box, image_.extent, [&](const Coord<Dim>& c, std::int64_t) {
+      const double begin = dot(label.slope, relative(c, box));
+      for (std::int32_t k = 0; k < box.end[0] - box.begin[0]; ++k) along_.push_back(begin + k * (2 * label.slope[0]));
+    });
     const auto at = along_.begin() + (label.voxels - 1);
     std::ranges::nth_element(along_, at, std::greater<>());
     return *at;
@@ -159,8 +183,8 @@ class LinearLabels {
   std::vector<Label> labels_;
   std::vector<std::uint32_t> own_;                          // label of each voxel of the box
   std::vector<std::pair<std::uint32_t, double>> suspects_;  // label and place along its slope
+  std::vector<double> most_;                                // largest function along a row
   std::vector<double> along_;
-  double limit_ = 0;
 };
 
 /// The cells of one level.
@@ -176,9 +200,10 @@ class LevelErrors {
   }
   [[nodiscard]] std::int64_t size() const { return product(cells_); }
 
-  void split(std::int64_t index, double tolerance, LinearLabels<Dim>& labels, std::vector<std::uint8_t>& levels) const {
+  void split(std::int64_t index, double tolerance, const UniformBlocks<Dim>& uniform, LinearLabels<Dim>& labels,
+             std::vector<std::uint8_t>& levels) const {
     const Coord<Dim> cell = coord_of(index, cells_);
-    Box<Dim> box, around;
+    VoxelBox<Dim> box, around;
     for (int d = 0; d < Dim; ++d) {
       box.begin[d] = cell[d] * side_[d];
       box.end[d] = std::min(lattice_[d], box.begin[d] + side_[d]);
@@ -190,9 +215,10 @@ class LevelErrors {
       around.begin[d] = std::max(0, voxel_at(box.begin[d]) - margin);
       around.end[d] = std::min(image_.extent[d], voxel_at(box.end[d]) + margin);
     }
+    if (around.is_empty() || uniform.within(around.begin, around.end) != UniformBlocks<Dim>::kMixed) return;
     std::uint8_t most = 0;
     for_points(box, lattice_, [&](const Coord<Dim>&, std::int64_t i) { most = std::max(most, levels[i]); });
-    if (most != level_ || around.empty()) return;  // part of a larger leaf, or split anyway
+    if (most != level_) return;  // part of a larger leaf, or split anyway
     const std::int64_t wrong = labels.wrong_voxels(around);
     if (wrong == 0) return;
     double volume = 1;
@@ -217,11 +243,12 @@ class LevelErrors {
 template <int Dim>
 void refine_by_error(const LabelImage<Dim>& image, const SizedLattice<Dim>& sized, double tolerance, int last,
                      std::vector<std::uint8_t>& levels, const Execution& execution) {
+  const UniformBlocks<Dim> uniform(image, execution);
   for (int level = 0; level < last; ++level) {
     const LevelErrors<Dim> errors(image, sized, level);
     parallel_for_ranges(execution, errors.size(), 64, [&](std::int64_t begin, std::int64_t end) {
       LinearLabels<Dim> labels(image);
-      for (std::int64_t i = begin; i < end; ++i) errors.split(i, tolerance, labels, levels);
+      for (std::int64_t i = begin; i < end; ++i) errors.split(i, tolerance, uniform, labels, levels);
     });
   }
 }

@@ -30,7 +30,7 @@ class VoxelCentres {
   template <class Wanted, class Use>
   void visit(const Simplex<Dim>& simplex, Wanted&& wanted, Use&& use) const {
     const VoxelBox<Dim> box = box_of(simplex);
-    if (is_empty(box)) return;
+    if (box.is_empty()) return;
     Inside inside(image_, simplex, box);
     visit_box(box, inside, wanted, use);
   }
@@ -39,7 +39,7 @@ class VoxelCentres {
   template <class LookAt, class Wanted, class Use>
   void visit(const Simplex<Dim>& simplex, const Coord<Dim>& blocks, LookAt&& look, Wanted&& wanted, Use&& use) const {
     const VoxelBox<Dim> box = box_of(simplex);
-    if (is_empty(box)) return;
+    if (box.is_empty()) return;
     Inside inside(image_, simplex, box);
     const Coord<Dim> first = UniformBlocks<Dim>::block_of(box.begin);
     Coord<Dim> count;
@@ -56,7 +56,7 @@ class VoxelCentres {
         part.begin[d] = std::max(part.begin[d], box.begin[d]);
         part.end[d] = std::min(part.end[d], box.end[d]);
       }
-      if (!is_empty(part)) visit_box(part, inside, wanted, use);
+      if (!part.is_empty()) visit_box(part, inside, wanted, use);
     }
   }
 
@@ -149,12 +149,6 @@ class VoxelCentres {
       else
         for (std::int32_t x = c[0]; x < box.end[0]; ++x) look(x, false);
     });
-  }
-
-  static bool is_empty(const VoxelBox<Dim>& box) {
-    for (int d = 0; d < Dim; ++d)
-      if (box.begin[d] >= box.end[d]) return true;
-    return false;
   }
 
   /// Voxels whose centres lie between the planes around a simplex, within the image.
