@@ -276,8 +276,11 @@ BrokenComponents<Dim> find_broken(const LabelImage<Dim>& image, const ComponentM
               const std::uint32_t c = map.of(v);
               if (is_lost(c))
                 lost[static_cast<std::size_t>(task)].push_back({c, v, cell});
+              else if (const std::uint32_t own = components.of(0, cell);
+                       !found.empty() && found.back().image_component == c && found.back().mesh_component == own)
+                ++found.back().hits;  // not an entry a voxel: coarse cells hold thousands
               else
-                found.push_back({c, components.of(0, cell), 1, cell});
+                found.push_back({c, own, 1, cell});
             });
       });
     });
