@@ -26,7 +26,7 @@ nlohmann::ordered_json describe(const std::string& path, const LabelImage<Dim>& 
     voxels[c.material] += c.voxels;
     ++components[c.material];
   }
-  const MeshEstimate estimate = estimate_mesh(image, {}, execution);
+  const MeshEstimate estimate = estimate_mesh(image, {}, false, execution);
 
   nlohmann::ordered_json json;
   json["image"] = path;

@@ -118,7 +118,8 @@ void require_memory(const MeshCommandOptions& options, const LabelImage<Dim>& im
   if (sizes.tolerance > 0) sizes.min_size = sizes.floor_size;
   const std::int64_t most =
       options.max_memory.empty() ? available_memory_bytes() : parse_bytes(options.max_memory, "--max-memory");
-  require_memory(estimate_mesh(image, sizes, execution), most);
+  const bool grey = !options.grey.empty() || options.reading.threshold;
+  require_memory(estimate_mesh(image, sizes, grey, execution), most);
 }
 
 /// The image of sizes, if one is given.

@@ -31,16 +31,16 @@ TEST(Estimate, MeasuresTheInterfaces) {
   solid.spacing = {0.5, 0.7, 3};
   for (unsigned seed = 0; seed < 5; ++seed) {
     const auto image2 = testing::noise_image<2>({9, 14}, 2, seed, flat);
-    EXPECT_NEAR(estimate_mesh(image2, {}, Execution(2)).interface_area, area_by_pairs(image2), 1e-9);
+    EXPECT_NEAR(estimate_mesh(image2, {}, false, Execution(2)).interface_area, area_by_pairs(image2), 1e-9);
     const auto image3 = testing::noise_image<3>({9, 4, 7}, 2, seed, solid);
-    EXPECT_NEAR(estimate_mesh(image3, {}, Execution(3)).interface_area, area_by_pairs(image3), 1e-9);
+    EXPECT_NEAR(estimate_mesh(image3, {}, false, Execution(3)).interface_area, area_by_pairs(image3), 1e-9);
   }
-  EXPECT_EQ(estimate_mesh(testing::noise_image<3>({9, 4, 7}, 1, 0), {}, Execution(1)).interface_area, 0);
+  EXPECT_EQ(estimate_mesh(testing::noise_image<3>({9, 4, 7}, 1, 0), {}, false, Execution(1)).interface_area, 0);
 }
 
 TEST(Estimate, GrowsWithTheInterface) {
-  const auto small = estimate_mesh(testing::ball_image<3>({40, 40, 40}, 0.2), {}, Execution(2));
-  const auto large = estimate_mesh(testing::ball_image<3>({40, 40, 40}, 0.4), {}, Execution(2));
+  const auto small = estimate_mesh(testing::ball_image<3>({40, 40, 40}, 0.2), {}, false, Execution(2));
+  const auto large = estimate_mesh(testing::ball_image<3>({40, 40, 40}, 0.4), {}, false, Execution(2));
   EXPECT_GT(small.cells, 0);
   EXPECT_GT(large.cells, 3 * small.cells);
   EXPECT_GT(large.memory_bytes, small.memory_bytes);
@@ -53,8 +53,25 @@ TEST(Estimate, GrowsWithFinerCells) {
   coarse.min_size = 4;
   uniform.min_size = uniform.max_size = 1;
   const Execution execution(2);
-  EXPECT_GT(estimate_mesh(image, fine, execution).cells, 10 * estimate_mesh(image, coarse, execution).cells);
-  EXPECT_GT(estimate_mesh(image, uniform, execution).cells, 12 * product(image.extent));
+  EXPECT_GT(estimate_mesh(image, fine, false, execution).cells,
+            10 * estimate_mesh(image, coarse, false, execution).cells);
+  EXPECT_GT(estimate_mesh(image, uniform, false, execution).cells, 12 * product(image.extent));
+}
+
+TEST(Estimate, CountsWhatIsHeldForEachVoxel) {
+  LabelImage<3> image = testing::ball_image<3>({40, 40, 40}, 0.4);
+  const auto memory = [&](const SizingRule& sizes, bool grey) {
+    return estimate_mesh(image, sizes, grey, Execution(2)).memory_bytes;
+  };
+  const std::int64_t plain = memory({}, false), voxels = product(image.extent);
+  EXPECT_EQ(memory({}, true), plain + 4 * voxels);
+  SizingRule sized;
+  sized.voxel_size.resize(static_cast<std::size_t>(voxels));
+  EXPECT_EQ(memory(sized, false), plain + 5 * voxels);
+  CompactArray wide(voxels, 1 << 20);
+  for (std::int64_t i = 0; i < voxels; ++i) wide.set(i, image.voxels[i]);
+  image.voxels = wide;
+  EXPECT_EQ(memory({}, false), plain + 3 * voxels);
 }
 
 TEST(Estimate, AmountsOfMemoryHaveUnits) {

@@ -18,9 +18,13 @@ struct MeshEstimate {
 };
 
 /// Estimates for the default method, from the area of the interfaces; expect a factor of two.
+/// The peak includes the image and what reading it took: the materials and a slab of samples, which is less than
+/// meshing takes beside the image.
 /// \param sizes where no smallest size is given, cells at interfaces have the smallest side of a voxel.
+/// \param grey whether grey values are held too
 template <int Dim>
-MeshEstimate estimate_mesh(const LabelImage<Dim>& image, const SizingRule& sizes, const Execution& execution);
+MeshEstimate estimate_mesh(const LabelImage<Dim>& image, const SizingRule& sizes, bool grey,
+                           const Execution& execution);
 
 /// Memory that this process can still take without paging, as the operating system and the limits of its group tell.
 /// The largest number if neither says.
