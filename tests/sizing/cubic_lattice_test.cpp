@@ -6,9 +6,20 @@
 #include <random>
 
 #include "support/images.h"
+#include "treemarch/core/error.h"
 
 namespace treemarch {
 namespace {
+
+/// An image of cubic voxels, `least` to `least` + 199 along each axis.
+LabelImage<3> random_cubes(std::mt19937& random, std::int32_t least) {
+  LabelImage<3> image;
+  for (int d = 0; d < 3; ++d) {
+    image.extent[d] = least + static_cast<std::int32_t>(random() % 200);
+    image.frame.spacing[d] = 1;
+  }
+  return image;
+}
 
 template <int Dim>
 void check_random_lattices(unsigned seed) {
@@ -55,27 +66,28 @@ TEST(CubicLattice, FillsTheBoxWithCellsOfAboutTheSize) {
 TEST(CubicLattice, IsNearlyCubicWhereTheBoxHasRoom) {
   std::mt19937 random(3);
   for (int round = 0; round < 100; ++round) {
-    LabelImage<3> image;
-    for (int d = 0; d < 3; ++d) {
-      image.extent[d] = 60 + static_cast<std::int32_t>(random() % 200);
-      image.frame.spacing[d] = 1;
-    }
-    EXPECT_LE(stretch(choose_cubic_lattice(image, 1.7, 16).lattice), kMostStretch);
+    EXPECT_LE(stretch(choose_cubic_lattice(random_cubes(random, 60), 1.7, 16).lattice), kMostStretch);
   }
 }
 
 TEST(CubicLattice, PutsNoLayerOfSmallestCellsOntoTheSidesOfTheBox) {
   std::mt19937 random(4);
   for (int round = 0; round < 100; ++round) {
-    LabelImage<3> image;
-    for (int d = 0; d < 3; ++d) {
-      image.extent[d] = 160 + static_cast<std::int32_t>(random() % 200);
-      image.frame.spacing[d] = 1;
-    }
+    const LabelImage<3> image = random_cubes(random, 160);
     const auto lattice = choose_cubic_lattice(image, 1.1 + 0.01 * static_cast<double>(random() % 80), 16).lattice;
     for (const std::int32_t cells : lattice.extent) EXPECT_EQ(cells % 2, 0);
     EXPECT_LE(stretch(lattice), kMostStretch);
   }
+}
+
+TEST(CubicLattice, RefusesMoreCellsThanCoordinatesCount) {
+  LabelImage<2> image;
+  image.extent = {100, 1};
+  image.frame.spacing = {1, 1};
+  EXPECT_THROW(choose_cubic_lattice(image, 1e-7, 1), Error);
+  image.extent = {2'000'000'000, 1'000'000'000};
+  const auto lattice = choose_cubic_lattice(image, 1000, 16'000).lattice;
+  EXPECT_EQ(lattice.extent, (Coord<2>{2'000'000, 1'000'000}));
 }
 
 TEST(CubicLattice, TakesWholeVoxelsWhereTheyFit) {

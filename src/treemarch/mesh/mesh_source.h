@@ -3,6 +3,7 @@
 /// has a group for each material, an interface mesh one for each pair.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -50,6 +51,14 @@ struct MeshSource {
   std::vector<std::int32_t> labels;  ///< labels that have names
   std::vector<std::string> names;
 
+  /// Corners of all cells: the length of their connectivity.
+  [[nodiscard]] std::int64_t corner_count() const {
+    std::int64_t n = 0;
+    for (const Block& b : blocks) n += b.size * vertex_count(b.type);
+    return n;
+  }
+  /// Whether 32 bits with sign hold all numbers of points, and all positions in the connectivity.
+  [[nodiscard]] bool fits_32_bits() const { return std::max(corner_count(), point_count) <= 0x7fffffff; }
   [[nodiscard]] int affine_side() const { return coordinates + 1; }
   [[nodiscard]] std::int64_t cell_count() const {
     std::int64_t n = 0;

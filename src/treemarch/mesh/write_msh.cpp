@@ -3,6 +3,7 @@
 #include <limits>
 #include <set>
 
+#include "treemarch/core/error.h"
 #include "treemarch/core/parallel.h"
 #include "treemarch/mesh/cell_topology.h"
 #include "treemarch/mesh/mesh_source.h"
@@ -217,6 +218,8 @@ void write_extras(const MeshSource& mesh, const Order& order, OutputFile& file, 
 }  // namespace
 
 void write_msh(const MeshSource& mesh, OutputFile& file, const Execution& execution) {
+  if (std::max(mesh.cell_count(), mesh.point_count) > std::numeric_limits<std::int32_t>::max())
+    throw Error(ErrorKind::limits, ".msh: its arrays number cells with 32 bits, and there are more; choose .vtu");
   const std::vector<std::int32_t> tags = physical_tags(mesh);
   const Order order = sort_by_group(mesh);
   write_head(mesh, tags, file, execution);

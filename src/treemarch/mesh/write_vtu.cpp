@@ -60,9 +60,7 @@ std::int64_t corners(const MeshSource::Block& block) { return vertex_count(block
 
 template <class Index>
 void add_cells(const MeshSource& mesh, const std::string& type, std::vector<Appended>& arrays) {
-  std::int64_t connectivity = 0;
-  for (const MeshSource::Block& b : mesh.blocks) connectivity += b.size * corners(b);
-  arrays.push_back({"type=\"" + type + "\" Name=\"connectivity\"", connectivity, sizeof(Index),
+  arrays.push_back({"type=\"" + type + "\" Name=\"connectivity\"", mesh.corner_count(), sizeof(Index),
                     [&mesh](std::int64_t begin, std::int64_t end, char* to) {
                       for_each_stretch(mesh, begin, end, corners, [&](auto& b, auto first, auto last, auto done) {
                         const std::int64_t n = corners(b);
@@ -102,10 +100,8 @@ std::vector<Appended> arrays_of(const MeshSource& mesh, Kind kind) {
                     [&mesh](std::int64_t begin, std::int64_t end, char* to) {
                       mesh.points(begin, end, reinterpret_cast<double*>(to));
                     }});
-  std::int64_t connectivity = 0;
-  for (const MeshSource::Block& b : mesh.blocks) connectivity += b.size * corners(b);
   // Half the size where it suffices; VTK wants both arrays alike.
-  if (std::max(connectivity, mesh.point_count) <= 0x7fffffff)
+  if (mesh.fits_32_bits())
     add_cells<std::int32_t>(mesh, "Int32", arrays);
   else
     add_cells<std::int64_t>(mesh, "Int64", arrays);

@@ -7,6 +7,8 @@
 #include <optional>
 #include <utility>
 
+#include "treemarch/core/error.h"
+
 namespace treemarch {
 namespace {
 
@@ -86,6 +88,9 @@ double stretch(const Lattice<Dim>& lattice) {
 
 template <int Dim>
 SizedLattice<Dim> choose_cubic_lattice(const LabelImage<Dim>& image, double smallest, double largest) {
+  for (const double side : image.size())
+    if (side / smallest > kMostCellsAlongAxis)
+      throw Error(ErrorKind::limits, "--min-size: more than 2^29 cells along an axis; choose larger cells");
   const Candidate<Dim> best = best_candidate(image.size(), smallest);
   SizedLattice<Dim> sized;
   sized.lattice = best.lattice;

@@ -185,6 +185,8 @@ template <int Dim>
 SizedLattice<Dim> choose_lattice(const LabelImage<Dim>& image, const std::vector<Coord<Dim>>& factors,
                                  const SizingRule& rule, const Execution& execution) {
   check_sizes(rule);
+  if (*std::max_element(image.extent.begin(), image.extent.end()) > kMostCellsAlongAxis)
+    throw Error(ErrorKind::limits, "image: more than 2^29 voxels along an axis; crop it");
   const Vec<Dim>& spacing = image.frame.spacing;
   const double size = smallest_size(rule, *std::min_element(spacing.begin(), spacing.end()));
   const bool stretched = factors.empty() && aspect(spacing) >= 2;

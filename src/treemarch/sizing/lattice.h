@@ -18,6 +18,9 @@ namespace treemarch {
 template <int Dim>
 std::vector<Coord<Dim>> parse_pattern(std::string_view text);
 
+/// Cells along an axis, at most: their centres, corners and midpoints have up to four times as large coordinates.
+inline constexpr std::int32_t kMostCellsAlongAxis = 1 << 29;
+
 template <int Dim>
 struct SizedLattice {
   Lattice<Dim> lattice;

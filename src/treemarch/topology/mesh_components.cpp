@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <atomic>
+#include <limits>
 #include <span>
 
+#include "treemarch/core/error.h"
 #include "treemarch/core/parallel.h"
 #include "treemarch/mesh/border_vertices.h"
 #include "treemarch/mesh/cell_topology.h"
@@ -35,6 +37,8 @@ MeshComponents<Dim>::MeshComponents(const Mesh<Dim>& mesh, const Execution& exec
     first_cell_.push_back(n);
     n += block.materials.size();
   }
+  if (n > std::numeric_limits<Index>::max())
+    throw Error(ErrorKind::limits, "mesh: more than 2^32 vertices and cells; choose larger cells");
   sets_ = SharedDisjointSets(n, execution);
   join_inside(execution);
   join_at_borders(execution);
