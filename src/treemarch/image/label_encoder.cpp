@@ -11,6 +11,12 @@ constexpr std::int64_t kBlock = std::int64_t{1} << 18;
 /// Up to this many possible values a table maps values to materials; beyond, a sorted array does.
 constexpr std::int64_t kLargestTable = std::int64_t{1} << 16;
 
+/// \pre v fits. Promoted first: a char is a number here.
+template <class T>
+constexpr std::int32_t label_of(T v) {
+  return static_cast<std::int32_t>(+v);
+}
+
 template <class T>
 struct BlockSummary {
   T smallest{}, largest{};
@@ -39,7 +45,7 @@ std::vector<std::int32_t> distinct_by_table(std::span<const T> values, std::int6
     std::uint8_t& flag = seen[static_cast<std::size_t>(static_cast<std::int64_t>(v) - smallest)];
     if (!flag) {
       flag = 1;
-      distinct.push_back(static_cast<std::int32_t>(v));
+      distinct.push_back(label_of(v));
     }
   }
   return distinct;
@@ -52,6 +58,7 @@ std::vector<std::int32_t> firsts(std::vector<std::pair<std::int32_t, std::int64_
   entries.erase(std::unique(entries.begin(), entries.end(), same_value), entries.end());
   std::sort(entries.begin(), entries.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
   std::vector<std::int32_t> result;
+  result.reserve(entries.size());
   for (const auto& e : entries) result.push_back(e.first);
   return result;
 }
@@ -61,8 +68,7 @@ template <class T>
 std::vector<std::int32_t> distinct_by_sorting(std::span<const T> values) {
   std::vector<std::pair<std::int32_t, std::int64_t>> runs;
   for (std::size_t i = 0; i < values.size(); ++i)
-    if (i == 0 || values[i] != values[i - 1])
-      runs.emplace_back(static_cast<std::int32_t>(values[i]), static_cast<std::int64_t>(i));
+    if (i == 0 || values[i] != values[i - 1]) runs.emplace_back(label_of(values[i]), static_cast<std::int64_t>(i));
   return firsts(std::move(runs));
 }
 
@@ -88,7 +94,7 @@ class MaterialLookup {
     MaterialId last = 0;
     for (std::size_t i = 0; i < values.size(); ++i) {
       if (i == 0 || values[i] != values[i - 1]) {
-        const auto label = static_cast<std::int32_t>(values[i]);
+        const auto label = label_of(values[i]);
         last = std::lower_bound(known_.begin(), known_.end(), std::pair<std::int32_t, MaterialId>(label, 0))->second;
       }
       out[i] = static_cast<Out>(last);
@@ -142,10 +148,10 @@ void LabelEncoder::add(std::span<const T> values) {
       [](const BlockSummary<T>& a, const BlockSummary<T>& b) {
         return BlockSummary<T>{std::min(a.smallest, b.smallest), std::max(a.largest, b.largest), a.changes + b.changes};
       });
-  result_.changes += whole.changes + (done > 0 && static_cast<std::int64_t>(values[0]) != last_ ? 1 : 0);
-  last_ = static_cast<std::int64_t>(values.back());
-  const auto smallest = static_cast<std::int64_t>(whole.smallest);
-  const std::int64_t range = static_cast<std::int64_t>(whole.largest) - smallest + 1;
+  result_.changes += whole.changes + (done > 0 && label_of(values[0]) != last_ ? 1 : 0);
+  last_ = label_of(values.back());
+  const std::int64_t smallest = label_of(whole.smallest);
+  const std::int64_t range = label_of(whole.largest) - smallest + 1;
 
   // First appearance in the whole is first appearance in the earliest block that has the value.
   std::vector<std::vector<std::int32_t>> distinct(static_cast<std::size_t>(block_count(n, kBlock)));

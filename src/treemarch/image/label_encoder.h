@@ -40,7 +40,7 @@ class LabelEncoder {
   const Execution& execution_;
   EncodedLabels result_;
   std::vector<std::pair<std::int32_t, MaterialId>> known_;  // label and material, ascending
-  std::int64_t last_ = 0;                                   // value
+  std::int32_t last_ = 0;                                   // label
 };
 
 }  // namespace treemarch
