@@ -21,6 +21,7 @@ template <class Value, class Target>
 CLI::Option* add_choice(CLI::App& command, const std::string& name, Target& target,
                         const std::map<std::string, Value>& values, const std::string& description) {
   std::vector<std::string> names;
+  names.reserve(values.size());
   for (const auto& v : values) names.push_back(v.first);
   return command
       .add_option_function<std::string>(
