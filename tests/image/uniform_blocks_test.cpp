@@ -4,6 +4,7 @@
 
 #include <array>
 #include <random>
+#include <vector>
 
 namespace treemarch {
 namespace {
@@ -73,6 +74,24 @@ TEST(uniform_blocks, are_those_of_one_material_at_any_width_of_labels) {
   }
   expect_blocks(boxes<1>({100003}, 5, 4, 3));
   expect_blocks(boxes<4>({43, 9, 42, 6}, 5, 20, 4));
+}
+
+TEST(uniform_blocks, whole_numbers_between_are_those_that_rounding_gives) {
+  std::mt19937 random(5);
+  for (int i = 0; i < 20000; ++i) {
+    const auto any = [&] { return (static_cast<double>(random() % 4000) - 2000) * (i % 2 ? 0.125 : 0.0137); };
+    const double low = any(), high = any();
+    const auto limit = static_cast<std::int32_t>(random() % 30 + 1);
+    std::vector<std::int32_t> expected;
+    for (std::int32_t n = 0; n < limit; ++n)
+      if (n >= low && n <= high) expected.push_back(n);
+    const auto [begin, end] = whole_between(low, high, limit);
+    ASSERT_EQ(std::max(0, end - begin), std::ssize(expected)) << low << " " << high << " " << limit;
+    if (!expected.empty()) {
+      ASSERT_EQ(begin, expected.front());
+    }
+    ASSERT_TRUE(begin >= 0 && begin <= limit && end >= 0 && end <= limit);
+  }
 }
 
 }  // namespace

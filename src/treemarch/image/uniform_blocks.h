@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "treemarch/core/execution.h"
@@ -61,6 +62,15 @@ struct VoxelBox {
     return n;
   }
 };
+
+/// The whole numbers from `low` to `high`, both included, that are not negative and below `limit`: the first one and
+/// one past the last. Without calls for rounding, as it is used for every cell.
+inline std::pair<std::int32_t, std::int32_t> whole_between(double low, double high, std::int32_t limit) {
+  const double from = std::clamp(low, 0.0, static_cast<double>(limit));
+  const auto begin = static_cast<std::int32_t>(from);
+  const std::int32_t end = high < 0 ? 0 : static_cast<std::int32_t>(std::min(high, limit - 1.0)) + 1;
+  return {begin + (begin < from ? 1 : 0), end};
+}
 
 /// The voxels of a block, in an image of so many voxels.
 template <int Dim>

@@ -106,12 +106,14 @@ std::vector<std::uint8_t> undecided_blocks(const LabelImage<Dim>& image, const C
 
 }  // namespace
 
-// First the plain blocks, at a glance, which mostly decide about all large components. What is left are small
-// components, whose voxels alone need to be looked at in the cells of the main part of a material, and other parts.
+// Where cells are large the plain blocks come first, at a glance, which mostly decide about all large components. What
+// is left are small components, whose voxels alone need to be looked at in the cells of the main part of a material,
+// and other parts. Where a cell has few voxels one pass is less work.
 template <int Dim>
 std::vector<ComponentFate> component_fates(const LabelImage<Dim>& image, const ComponentMap& map, const Mesh<Dim>& mesh,
                                            const MeshComponents<Dim>& components, const PlainBlocks<Dim>& plain,
                                            std::span<const MaterialId> to_image, const Execution& execution) {
+  constexpr std::int64_t kFewVoxels = 4;  // a cell
   Fates<Dim> fates(map, components, image.labels.size(), to_image, execution);
   const VoxelCentres<Dim> centres(image);
   const auto look_at_cells = [&](auto&& skip, auto&& look) {
@@ -120,30 +122,39 @@ std::vector<ComponentFate> component_fates(const LabelImage<Dim>& image, const C
       parallel_for(execution, block.size(), kCellsPerTask, [&](std::int64_t c) {
         const MaterialId material = to_image[block.materials[static_cast<std::size_t>(c)]];
         if (material == kOutside || fates.known(material)) return;
-        const std::uint32_t component = components.of(b, c);
+        std::uint32_t found = ComponentFate::kNone;
+        const auto component = [&] {  // looked up when it is needed
+          if (found == ComponentFate::kNone) found = components.of(b, c);
+          return found;
+        };
         if (skip(material, component)) return;
         for_each_simplex(mesh, block, c, [&](const Simplex<Dim>& simplex) {
           centres.visit(
               simplex, plain.extent(), [&](std::int64_t at) { return look(at, material, component); },
-              [&](std::int64_t v) { return image.voxels[v] == material && !fates.covers(v, component); },
-              [&](std::int64_t v) { fates.widen(v, material, component); });
+              [&](std::int64_t v) { return image.voxels[v] == material && !fates.covers(v, component()); },
+              [&](std::int64_t v) { fates.widen(v, material, component()); });
         });
       });
     }
   };
-  look_at_cells([](MaterialId, std::uint32_t) { return false; },
-                [&](std::int64_t at, MaterialId, std::uint32_t) { return plain[at] ? Look::at_first : Look::nowhere; });
+  const auto none = [](MaterialId, auto&&) { return false; };
+  if (product(image.extent) <= kFewVoxels * mesh.cell_count()) {
+    look_at_cells(none, [&](std::int64_t at, MaterialId, auto&&) { return plain[at] ? Look::at_first : Look::at_all; });
+    return fates.take();
+  }
+  look_at_cells(none, [&](std::int64_t at, MaterialId, auto&&) { return plain[at] ? Look::at_first : Look::nowhere; });
   const std::vector<std::uint32_t> main = fates.main_parts();
   const std::vector<std::uint8_t> blocks = undecided_blocks(image, map, fates, main, plain.extent(), execution);
   std::vector<std::uint8_t> undecided(main.size(), 0);  // of each material: whether a component is
   for (std::uint32_t c = 0; c < map.components.size(); ++c)
     undecided[map.components[c].material] |= static_cast<std::uint8_t>(is_undecided(map, fates, main, c));
-  look_at_cells([&](MaterialId material,
-                    std::uint32_t component) { return component == main[material] && undecided[material] == 0; },
-                [&](std::int64_t at, MaterialId material, std::uint32_t component) {
-                  const bool decided = component == main[material] && blocks[static_cast<std::size_t>(at)] == 0;
-                  return plain[at] || decided ? Look::nowhere : Look::at_all;
-                });
+  look_at_cells(
+      [&](MaterialId material, auto&& component) { return undecided[material] == 0 && component() == main[material]; },
+      [&](std::int64_t at, MaterialId material, auto&& component) {
+        if (plain[at]) return Look::nowhere;
+        const bool decided = blocks[static_cast<std::size_t>(at)] == 0 && component() == main[material];
+        return decided ? Look::nowhere : Look::at_all;
+      });
   return fates.take();
 }
 

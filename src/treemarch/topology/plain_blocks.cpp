@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
-#include <cmath>
+#include <tuple>
 
 #include "treemarch/core/parallel.h"
 #include "treemarch/mesh/cell_topology.h"
@@ -17,6 +17,8 @@ PlainBlocks<Dim>::PlainBlocks(const LabelImage<Dim>& image, const UniformBlocks<
   constexpr double kSlack = 1e-3;  // voxels; far more than the tolerance of any test
   for (std::int64_t b = 0; b < size(); ++b)
     plain_[static_cast<std::size_t>(b)] = uniform_[b] != UniformBlocks<Dim>::kMixed;
+  Vec<Dim> per_length;  // voxels
+  for (int d = 0; d < Dim; ++d) per_length[d] = 1 / image.frame.spacing[d];
   // A border crosses a block if its box overlaps that of the centres of the voxels.
   parallel_for(execution, std::ssize(borders), 4096, [&](std::int64_t i) {
     const FacetSide& side = borders[static_cast<std::size_t>(i)].side;
@@ -31,12 +33,8 @@ PlainBlocks<Dim>::PlainBlocks(const LabelImage<Dim>& image, const UniformBlocks<
         low = std::min(low, x);
         high = std::max(high, x);
       }
-      const double h = image.frame.spacing[d];
-      const double blocks = extent()[d];
-      const double begin = std::ceil((low / h - kSlack + 0.5) / kSide - 1);
-      const double end = std::floor((high / h + kSlack - 0.5) / kSide) + 1;
-      box.begin[d] = static_cast<std::int32_t>(std::clamp(begin, 0.0, blocks));
-      box.end[d] = static_cast<std::int32_t>(std::clamp(end, 0.0, blocks));
+      std::tie(box.begin[d], box.end[d]) = whole_between((low * per_length[d] - kSlack + 0.5) / kSide - 1,
+                                                         (high * per_length[d] + kSlack - 0.5) / kSide, extent()[d]);
       if (box.begin[d] >= box.end[d]) return;
     }
     for_each_row(box, extent(), [&](const Coord<Dim>&, std::int64_t at) {

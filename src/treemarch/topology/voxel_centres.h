@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <tuple>
 
 #include "treemarch/image/label_image.h"
 #include "treemarch/image/uniform_blocks.h"
@@ -161,11 +162,8 @@ class VoxelCentres {
         low = std::min(low, p[d]);
         high = std::max(high, p[d]);
       }
-      const double extent = image_.extent[d];
-      const double begin = std::ceil(low * voxels_per_length_[d] - 0.5 - kSlack);
-      const double end = std::floor(high * voxels_per_length_[d] - 0.5 + kSlack) + 1;
-      box.begin[d] = static_cast<std::int32_t>(std::clamp(begin, 0.0, extent));
-      box.end[d] = static_cast<std::int32_t>(std::clamp(end, 0.0, extent));
+      std::tie(box.begin[d], box.end[d]) = whole_between(low * voxels_per_length_[d] - 0.5 - kSlack,
+                                                         high * voxels_per_length_[d] - 0.5 + kSlack, image_.extent[d]);
     }
     return box;
   }
