@@ -181,7 +181,7 @@ TEST_F(ReadMeshTest, ReadsTextOfGmsh) {
       "$Elements\n1 1 1 1\n2 4 2 1\n1 5 30 7\n$EndElements\n";
   const auto mesh = std::get<Mesh<2>>(read_text("a.msh", text));
   EXPECT_EQ(mesh.labels, std::vector<std::int32_t>{9});
-  EXPECT_EQ(mesh.blocks[0].vertices, (std::vector<VertexId>{0, 1, 2}));
+  EXPECT_EQ(mesh.blocks[0].vertices, (RawVector<VertexId>{0, 1, 2}));
 }
 
 TEST_F(ReadMeshTest, RefusesWhatIsNoMesh) {

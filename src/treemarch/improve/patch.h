@@ -130,7 +130,7 @@ class Patch {
   std::vector<std::uint8_t> fixed_;  // of every vertex; empty where all cells are simplices
   std::vector<std::uint32_t> slot_;  // of every vertex of the mesh: 1 + place in chosen_
   std::vector<Star> stars_;
-  std::vector<CellId> pool_;
+  RawVector<CellId> pool_;
   std::vector<CellId> free_;
   bool recording_ = false;
   std::size_t points_at_begin_ = 0;

@@ -9,6 +9,7 @@
 
 #include "treemarch/core/execution.h"
 #include "treemarch/core/parallel.h"
+#include "treemarch/core/raw_vector.h"
 #include "treemarch/march/label_sets.h"
 #include "treemarch/march/stencil.h"
 #include "treemarch/tessellate/body_centred.h"
@@ -30,9 +31,9 @@ class Band {
   Band(const SimplexLattice<Dim>& lattice, const VertexLabels& labels, Execution& execution);
 
   /// In the order of the leaves.
-  [[nodiscard]] const std::vector<Simplex>& simplices() const { return simplices_; }
+  [[nodiscard]] const RawVector<Simplex>& simplices() const { return simplices_; }
   /// Of each simplex: bit e is set where edge e joins vertices without a common label and is cut.
-  [[nodiscard]] const std::vector<std::uint8_t>& cuts() const { return cuts_; }
+  [[nodiscard]] const RawVector<std::uint8_t>& cuts() const { return cuts_; }
   /// Triangles with three cuts, ascending.
   [[nodiscard]] const std::vector<Triangle>& triangles() const { return triangles_; }
   [[nodiscard]] std::int64_t far_count() const { return far_count_; }
@@ -79,8 +80,8 @@ class Band {
 
   const SimplexLattice<Dim>& lattice_;
   const VertexLabels& labels_;
-  std::vector<Simplex> simplices_;
-  std::vector<std::uint8_t> cuts_;
+  RawVector<Simplex> simplices_;
+  RawVector<std::uint8_t> cuts_;
   std::vector<Triangle> triangles_;
   std::vector<std::int64_t> first_far_;  // far simplices before each block of leaves
   std::int64_t far_count_ = 0;

@@ -136,8 +136,8 @@ void ActiveCells<Dim>::write_back(Mesh<Dim>& mesh) const {
     active[static_cast<std::size_t>(parent)] = 1;
   }
   const std::int64_t total = exclusive_scan(std::span(place));
-  CellBlock out{block.type, std::vector<VertexId>(static_cast<std::size_t>(total) * (Dim + 1)),
-                std::vector<MaterialId>(static_cast<std::size_t>(total))};
+  CellBlock out{block.type, RawVector<VertexId>(static_cast<std::size_t>(total) * (Dim + 1)),
+                RawVector<MaterialId>(static_cast<std::size_t>(total))};
   const auto put = [&](std::int64_t parent, const VertexId* cell, MaterialId material) {
     const std::int64_t at = place[static_cast<std::size_t>(parent)]++;
     std::copy_n(cell, Dim + 1, out.vertices.begin() + at * (Dim + 1));

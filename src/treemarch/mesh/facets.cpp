@@ -158,7 +158,7 @@ class Sorter {
   FacetFilter filter_;
   std::vector<std::uint32_t> first_facet_;  // per block
   std::vector<std::uint32_t> counts_;       // facets by smallest vertex
-  std::vector<Entry<Rest>> entries_;
+  RawVector<Entry<Rest>> entries_;
 };
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "treemarch/core/raw_vector.h"
 #include "treemarch/core/vec.h"
 #include "treemarch/image/label_image.h"
 
@@ -39,8 +40,8 @@ inline constexpr CellType kSimplex = Dim == 1   ? CellType::line
 /// All cells of one type.
 struct CellBlock {
   CellType type{};
-  std::vector<VertexId> vertices;     ///< vertex_count(type) a cell
-  std::vector<MaterialId> materials;  ///< one a cell; an index into Mesh::labels
+  RawVector<VertexId> vertices;     ///< vertex_count(type) a cell
+  RawVector<MaterialId> materials;  ///< one a cell; an index into Mesh::labels
 
   [[nodiscard]] std::int64_t size() const { return static_cast<std::int64_t>(materials.size()); }
   [[nodiscard]] const VertexId* cell(std::int64_t i) const { return vertices.data() + i * vertex_count(type); }

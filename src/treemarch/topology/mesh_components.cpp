@@ -149,7 +149,7 @@ void MeshComponents<Dim>::find_pinches(const Execution& execution) requires(Dim 
   std::vector<std::uint32_t> cursor(mesh_.points.size() + 1);
   for_each_corner(
       [&](VertexId v, std::uint32_t) { std::atomic_ref(cursor[v]).fetch_add(1, std::memory_order_relaxed); });
-  std::vector<std::uint32_t> around(exclusive_scan(std::span(cursor)));
+  RawVector<std::uint32_t> around(exclusive_scan(std::span(cursor)));
   for_each_corner([&](VertexId v, std::uint32_t i) {
     around[std::atomic_ref(cursor[v]).fetch_add(1, std::memory_order_relaxed)] = i;
   });
