@@ -15,6 +15,10 @@ PlainBlocks<Dim>::PlainBlocks(const LabelImage<Dim>& image, const UniformBlocks<
     : uniform_(uniform), plain_(static_cast<std::size_t>(uniform.size())) {
   constexpr double kSide = UniformBlocks<Dim>::kSide;
   constexpr double kSlack = 1e-3;  // voxels; far more than the tolerance of any test
+  constexpr std::int64_t kWorth = 2;
+  std::int64_t voxels = 0;
+  for (std::int64_t b = 0; b < size(); ++b) voxels += uniform_[b] != UniformBlocks<Dim>::kMixed ? uniform.kVoxels : 0;
+  if (voxels < kWorth * std::ssize(borders)) return;  // to look at the borders takes longer than at the voxels
   for (std::int64_t b = 0; b < size(); ++b)
     plain_[static_cast<std::size_t>(b)] = uniform_[b] != UniformBlocks<Dim>::kMixed;
   Vec<Dim> per_length;  // voxels
