@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <numeric>
 
 #include "support/images.h"
@@ -95,6 +96,7 @@ TEST(repair_topology, restores_a_component_and_joins_parts) {
   const RepairReport report = repair_topology(mesh, image, {}, execution);
   EXPECT_EQ(report.restored, 1);
   EXPECT_GE(report.bridged, 1);
+  EXPECT_EQ(std::ranges::count(report.anchors, material_of(image.labels, 2), &Anchor::material), 1);
   EXPECT_EQ(broken_components(image, mesh, 8), 0);
   EXPECT_EQ(pinches(mesh), 0U);
 }

@@ -52,6 +52,7 @@ class Repairer {
                       execution_);
       SmallPieces small = find_small_pieces<Dim>(image_, map_, required_, mesh_, components, execution_);
       report_.anchors = std::move(small.anchors);
+      add_anchors(restored_);
       if ((pinches.empty() && broken.empty() && small.strays.empty()) || report_.rounds == options_.rounds)
         return report_;
       ++report_.rounds;
@@ -116,12 +117,19 @@ class Repairer {
     report_.pinches_after = unpincher.left();
     const std::int64_t relabelled = unpincher.relabelled() + std::ssize(mended.relabelled);
     report_.relabelled_cells += relabelled;
+    std::vector<Anchor> restored;
     for (const Mended::Restored& r : mended.restored) {
       mended.surely_whole &= patch.material(r.cell) == r.anchor.material;
-      report_.anchors.push_back(r.anchor);
+      restored.push_back(r.anchor);
     }
-    std::ranges::sort(report_.anchors, {}, &Anchor::point);
+    add_anchors(restored);
+    restored_.insert(restored_.end(), restored.begin(), restored.end());
     return relabelled > 0 && !mended.surely_whole;
+  }
+
+  void add_anchors(const std::vector<Anchor>& anchors) {
+    report_.anchors.insert(report_.anchors.end(), anchors.begin(), anchors.end());
+    std::ranges::sort(report_.anchors, {}, &Anchor::point);
   }
 
   Mesh<Dim>& mesh_;
@@ -132,6 +140,7 @@ class Repairer {
   const UniformBlocks<Dim> uniform_;
   std::vector<MaterialId> to_image_;
   std::vector<std::uint8_t> required_;  // one a component of the image
+  std::vector<Anchor> restored_;        // of the components that were brought back, in any round
   RepairReport report_;
 };
 

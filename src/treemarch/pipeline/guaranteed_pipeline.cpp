@@ -122,14 +122,12 @@ Mesh<Dim> shape_mesh(const Shaping<Dim>& how, SimplexLattice<Dim>& lattice, bool
   repair.uniform_cells = report.cut.far_cells;
   report.repair = repair_topology(mesh, how.image, repair, execution);
   std::int64_t far_cells = report.cut.far_cells;
-  stage.reset();  // dropping is a stage of its own
   if (how.left_out != kOutside) {
     const auto materials = mesh.blocks[0].materials.begin();
     far_cells -= std::count(materials, materials + far_cells, how.left_out);
-    if (hybrid)
-      drop_cells(mesh, how.left_out, execution);
-    else
-      drop_material(mesh, how.left_out, execution);
+    stage.emplace(execution, "drop background");
+    drop_cells(mesh, how.left_out, execution);
+    if (!hybrid) drop_unused_points(mesh, execution);
   }
 
   stage.emplace(execution, "improve");
