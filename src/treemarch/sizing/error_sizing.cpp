@@ -15,6 +15,7 @@ namespace {
 
 constexpr std::uint32_t kNone = 0xffffffffU;
 constexpr double kUnknown = -std::numeric_limits<double>::infinity();
+constexpr double kTie = 1e-9;
 constexpr double kMargin = 0.25;     // of the side: voxels around a cell that count as well
 constexpr std::int64_t kPiece = 8;   // voxels
 constexpr double kMostOverMean = 2;  // distance of an interface from a plane that fits it
@@ -42,20 +43,21 @@ class LinearLabels {
  public:
   explicit LinearLabels(const LabelImage<Dim>& image) : image_(image), place_(image.labels.size(), kNone) {}
 
-  /// Voxels that the function of another label would take.
-  std::int64_t wrong_voxels(const VoxelBox<Dim>& box) {
+  /// Whether wrong voxels of a box have more than a volume, or there are some and a label that lies wholly within it
+  /// has no voxel that is right. A voxel is wrong if another label's function is larger, and if it is not among the
+  /// voxels that its own function would take for as many as the label has: the first alone is unfair where labels have
+  /// unequal shares, the second where three of them meet.
+  bool are_wrong(const VoxelBox<Dim>& box, double most_volume) {
     gather(box);
-    std::int64_t wrong = 0;
+    bool wrong = false;
     if (labels_.size() > 1) {
       fit(box);
-      wrong = compare(box);
+      find_suspects(box);
+      // What is found next takes longer, and mends suspects only.
+      if (volume(std::ssize(suspects_)) > most_volume || loses_a_piece()) wrong = judge_suspects(box, most_volume);
     }
     for (const Label& l : labels_) place_[l.material] = kNone;
     return wrong;
-  }
-  /// Whether a label of the last box lies wholly within it and has no voxel that is right.
-  [[nodiscard]] bool loses_a_piece() const {
-    return std::ranges::any_of(labels_, [](const Label& l) { return !l.on_rim && l.right == 0 && l.voxels >= kPiece; });
   }
 
  private:
@@ -126,11 +128,12 @@ class LinearLabels {
       }
     }
   }
-  /// A voxel is wrong if another label's function is larger, and if it is not among the voxels that its own function
-  /// would take for as many as the label has: the first alone is unfair where labels have unequal shares, the second
-  /// where three of them meet.
-  std::int64_t compare(const VoxelBox<Dim>& box) {
-    constexpr double kTie = 1e-9;
+  [[nodiscard]] double volume(std::int64_t voxels) const { return static_cast<double>(voxels) * image_.voxel_volume(); }
+  [[nodiscard]] bool loses_a_piece() const {
+    return std::ranges::any_of(labels_, [](const Label& l) { return !l.on_rim && l.right == 0 && l.voxels >= kPiece; });
+  }
+  /// The voxels where another label's function is larger.
+  void find_suspects(const VoxelBox<Dim>& box) {
     suspects_.clear();
     const std::int32_t width = box.end[0] - box.begin[0];
     most_.resize(static_cast<std::size_t>(width));
@@ -154,17 +157,19 @@ class LinearLabels {
           ++l.right;
       }
     });
+  }
+  bool judge_suspects(const VoxelBox<Dim>& box, double most_volume) {
     for (Label& l : labels_) l.limit = kUnknown;
     std::int64_t wrong = 0;
     for (const auto& [place, along] : suspects_) {
       Label& l = labels_[place];
       if (l.limit == kUnknown) l.limit = half_space(l, box) - kTie;
-      if (along < l.limit)
-        ++wrong;
-      else
+      if (along >= l.limit)
         ++l.right;
+      else if (volume(++wrong) > most_volume)
+        return true;
     }
-    return wrong;
+    return wrong > 0 && loses_a_piece();
   }
   /// The value along the slope of a label above which lie as many voxels of the box as it has.
   double half_space(const Label& label, const VoxelBox<Dim>& box) {
@@ -219,14 +224,10 @@ class LevelErrors {
     std::uint8_t most = 0;
     for_points(box, lattice_, [&](const Coord<Dim>&, std::int64_t i) { most = std::max(most, levels[i]); });
     if (most != level_) return;  // part of a larger leaf, or split anyway
-    const std::int64_t wrong = labels.wrong_voxels(around);
-    if (wrong == 0) return;
     double volume = 1;
     for (int d = 0; d < Dim; ++d) volume *= (around.end[d] - around.begin[d]) * image_.frame.spacing[d];
     const double area = std::pow(volume, (Dim - 1.0) / Dim);
-    if (kMostOverMean * static_cast<double>(wrong) * image_.voxel_volume() <= tolerance * area &&
-        !labels.loses_a_piece())
-      return;
+    if (!labels.are_wrong(around, tolerance * area / kMostOverMean)) return;
     for_points(box, lattice_,
                [&](const Coord<Dim>&, std::int64_t i) { levels[i] = static_cast<std::uint8_t>(level_ + 1); });
   }
