@@ -144,36 +144,50 @@ void visit_lists(const std::uint32_t* brick, const Cell<Dim>& cell, Add&& add) {
   }
 }
 
-/// Weight of one material of a brick, in a table.
-template <int Dim, int Slots>
-double table_weight(const std::uint32_t* brick, const Cell<Dim>& cell, MaterialId material) {
+/// Weights of some materials of a brick, in a table.
+template <int Dim, int Slots, std::size_t Count>
+std::array<double, Count> table_weights(const std::uint32_t* brick, const Cell<Dim>& cell,
+                                        const std::array<MaterialId, Count>& materials) {
   constexpr int kWords = Slots / 2;
-  int slot = 0;
-  while (slot < Slots && brick[slot] != material) ++slot;
-  if (slot == Slots) return 0;
-  const std::uint32_t* table = brick + Slots + Bricks<Dim>::kOwnWords + cell.place * kWords + slot / 2;
-  const int shift = 16 * (slot % 2);
-  double sum = 0;
+  const std::uint32_t* table = brick + Slots + Bricks<Dim>::kOwnWords + cell.place * kWords;
+  std::array<const std::uint32_t*, Count> column;
+  std::array<int, Count> shift;
+  std::array<std::uint32_t, Count> mask;
+  for (std::size_t m = 0; m < Count; ++m) {
+    int slot = 0;
+    while (slot < Slots && brick[slot] != materials[m]) ++slot;
+    mask[m] = slot == Slots ? 0 : 0xffffU;
+    column[m] = table + slot % Slots / 2;
+    shift[m] = 16 * (slot % 2);
+  }
+  std::array<double, Count> sum{};
   for (int corner = 0; corner < Cell<Dim>::kCorners; ++corner)
-    sum +=
-        cell.weight[corner] * static_cast<std::int32_t>(table[Cell<Dim>::kOffset[corner] * kWords] >> shift & 0xffffU);
+    for (std::size_t m = 0; m < Count; ++m)
+      sum[m] += cell.weight[corner] *
+                static_cast<std::int32_t>(column[m][Cell<Dim>::kOffset[corner] * kWords] >> shift[m] & mask[m]);
   return sum;
 }
 
-template <int Dim>
-double cell_weight(const Bricks<Dim>& bricks, const Cell<Dim>& cell, MaterialId material) {
-  if (cell.ref & Bricks<Dim>::kUniform) return static_cast<MaterialId>(cell.ref) == material ? 1 : 0;
+template <int Dim, std::size_t Count>
+std::array<double, Count> cell_weights(const Bricks<Dim>& bricks, const Cell<Dim>& cell,
+                                       const std::array<MaterialId, Count>& materials) {
+  std::array<double, Count> sum{};
+  if (cell.ref & Bricks<Dim>::kUniform) {
+    for (std::size_t m = 0; m < Count; ++m) sum[m] = static_cast<MaterialId>(cell.ref) == materials[m] ? 1 : 0;
+    return sum;
+  }
   const std::uint32_t* brick = bricks.data(cell.ref);
   switch (Bricks<Dim>::form_of(cell.ref)) {
     case Bricks<Dim>::kTable2:
-      return table_weight<Dim, 2>(brick, cell, material);
+      return table_weights<Dim, 2>(brick, cell, materials);
     case Bricks<Dim>::kTable4:
-      return table_weight<Dim, 4>(brick, cell, material);
+      return table_weights<Dim, 4>(brick, cell, materials);
     case Bricks<Dim>::kTable8:
-      return table_weight<Dim, 8>(brick, cell, material);
+      return table_weights<Dim, 8>(brick, cell, materials);
     default:
-      double sum = 0;
-      visit_lists(brick, cell, [&](MaterialId m, double w) { sum += m == material ? w : 0; });
+      visit_lists(brick, cell, [&](MaterialId material, double w) {
+        for (std::size_t m = 0; m < Count; ++m) sum[m] += materials[m] == material ? w : 0;
+      });
       return sum;
   }
 }
@@ -253,15 +267,15 @@ int Field<Dim>::sample(const Vec<Dim>& x, std::span<LabelWeight> out) const {
 template <int Dim>
 float Field<Dim>::weight(const Vec<Dim>& x, MaterialId m) const {
   if (kind_ != FieldKind::bspline3)
-    return static_cast<float>(cell_weight(bricks_, Cell<Dim>(bricks_, kind_, x, spacing_), m));
+    return static_cast<float>(cell_weights<Dim, 1>(bricks_, Cell<Dim>(bricks_, kind_, x, spacing_), {m})[0]);
   return difference(x, m, kOutside);
 }
 
 template <int Dim>
 float Field<Dim>::difference(const Vec<Dim>& x, MaterialId a, MaterialId b) const {
   if (kind_ != FieldKind::bspline3) {
-    const Cell<Dim> cell(bricks_, kind_, x, spacing_);
-    return static_cast<float>(cell_weight(bricks_, cell, a) - cell_weight(bricks_, cell, b));
+    const auto weights = cell_weights<Dim, 2>(bricks_, Cell<Dim>(bricks_, kind_, x, spacing_), {a, b});
+    return static_cast<float>(weights[0] - weights[1]);
   }
   double sum_a = 0;
   double sum_b = 0;
