@@ -3,14 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-// One clone a vector width; all give the same bits, since every sum is exact. Sanitizers do not get on with the
-// resolvers of clones.
-#if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && defined(__linux__) && \
-    !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-#define TREEMARCH_VECTOR_CLONES __attribute__((target_clones("default", "avx2", "avx512f")))
-#else
-#define TREEMARCH_VECTOR_CLONES
-#endif
+#include "treemarch/core/vector_clones.h"
 
 namespace treemarch {
 

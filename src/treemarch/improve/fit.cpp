@@ -9,6 +9,7 @@
 #include "treemarch/core/parallel.h"
 #include "treemarch/core/solve.h"
 #include "treemarch/improve/patch.h"
+#include "treemarch/improve/star_check.h"
 #include "treemarch/improve/stratum.h"
 #include "treemarch/improve/sweep.h"
 #include "treemarch/mesh/interfaces.h"
@@ -17,6 +18,7 @@ namespace treemarch {
 namespace {
 
 constexpr std::int64_t kBlock = 1024;
+constexpr std::uint32_t kNone = 0xffffffffU;
 constexpr int kMostParts = 6;  // samples along an edge
 constexpr int kRounds = 2, kSweeps = 2;
 constexpr double kStiffness = 0.02;  // of a vertex against moves that its facets do not ask for
@@ -32,14 +34,14 @@ constexpr double kPart = Dim == 2 ? 1 : 1.4;  // between samples, up to kMostPar
 template <int Dim>
 struct Facet {
   std::array<VertexId, Dim> v;
-  MaterialId first, second;                             ///< ascending
-  bool flipped = false;                                 ///< whether the normal of the corners in order is the other one
-  double voxel = 0;                                     ///< extent of a voxel along the normal
   Vec<Dim> normal{};                                    ///< from first to second
   std::array<double, Dim> place{};                      ///< of the corners along the normal
-  double weight = 0, squares = 0;                       ///< area that the samples stand for, and sum of t^2
   std::array<double, Dim> pull{};                       ///< sum of t s_k
   std::array<std::array<double, Dim>, Dim> coupling{};  ///< sum of s_k s_j
+  double weight = 0, squares = 0;                       ///< area that the samples stand for, and sum of t^2
+  double voxel = 0;                                     ///< extent of a voxel along the normal
+  MaterialId first, second;                             ///< ascending
+  bool flipped = false;                                 ///< whether the normal of the corners in order is the other one
 };
 
 Vec<2> area_normal(const std::array<Vec<2>, 2>& p) { return {p[1][1] - p[0][1], p[0][0] - p[1][0]}; }
@@ -84,7 +86,7 @@ class Fitter {
     Patch<Dim> patch(mesh_, std::move(chosen_), execution_);
     patch.guard(options_.anchors);
     link(patch);
-    const Turns<Dim> turns(patch, patch.chosen(), execution_);
+    const Turns<Dim> turns(patch, order_, execution_);
     report_.facets = static_cast<std::int64_t>(facets_.size());
     for (int round = 0; round < kRounds; ++round) {
       measure();
@@ -100,6 +102,7 @@ class Fitter {
  private:
   void set_order(Facet<Dim>& f) const;
   void find_facets();
+  void sort_by_place();
   [[nodiscard]] double sharpness_of(double longest) const;
   [[nodiscard]] bool lies_on_box(const std::array<Vec<Dim>, Dim>& p) const;
   void link(const Patch<Dim>& patch);
@@ -111,7 +114,6 @@ class Fitter {
   [[nodiscard]] Vec<Dim> wish_of(const Patch<Dim>& patch, VertexId v) const;
   [[nodiscard]] std::vector<std::uint8_t> restless(const Patch<Dim>& patch) const;
   bool find_place(const Patch<Dim>& patch, VertexId v, Vec<Dim>& x) const;
-  [[nodiscard]] bool is_good(const Patch<Dim>& patch, VertexId v, const Vec<Dim>& x) const;
 
   Mesh<Dim>& mesh_;
   const Field<Dim>& field_;
@@ -121,7 +123,8 @@ class Fitter {
   SquaredQualityBound target_;
   double voxel_ = 1, largest_voxel_ = 1;
   std::array<std::vector<std::array<double, Dim>>, kMostParts + 1> samples_;
-  std::vector<VertexId> chosen_;
+  std::vector<VertexId> chosen_, order_;  // ascending, and by their place in space
+  std::vector<std::uint32_t> source_;     // the facets in the order of extract_interfaces()
   std::vector<Facet<Dim>> facets_;
   std::vector<std::int64_t> first_link_;                       // per slot of the patch
   std::vector<std::pair<std::uint32_t, std::uint8_t>> links_;  // facet and corner
@@ -152,42 +155,72 @@ void Fitter<Dim>::set_order(Facet<Dim>& f) const {
   }
 }
 
-/// The facets of vertices whose facets are large on average.
+/// The vertices whose facets are large on average, and all their facets.
 template <int Dim>
 void Fitter<Dim>::find_facets() {
-  const std::vector<FacetBlock> blocks =
+  std::vector<FacetBlock> blocks =
       extract_interfaces(mesh_, options_.outside == kOutside ? Hull::leave_out : Hull::include, execution_);
-  const auto points_of = [&](const VertexId* v) {
+  // Others are of cells that stay as they are.
+  std::erase_if(blocks, [](const FacetBlock& block) { return vertex_count(block.type) != Dim; });
+  if (blocks.empty()) return;
+  const FacetBlock& block = blocks.front();
+  constexpr float kLeftOut = -1e30F;
+  std::vector<float> above(static_cast<std::size_t>(block.size()));  // length above the limit
+  parallel_for(execution_, block.size(), kBlock, [&](std::int64_t i) {
     std::array<Vec<Dim>, Dim> p;
-    for (int k = 0; k < Dim; ++k) p[k] = mesh_.points[v[k]];
-    return p;
-  };
-  std::vector<float> excess(mesh_.points.size(), 0);  // sum of the lengths above the limit
-  const auto for_facets = [&](auto&& use) {
-    for (const FacetBlock& block : blocks) {
-      if (vertex_count(block.type) != Dim) continue;  // of cells that stay as they are
-      for (std::int64_t i = 0; i < block.size(); ++i) {
-        const VertexId* v = block.vertices.data() + i * Dim;
-        const auto p = points_of(v);
-        if (block.second[i] != kOutside || !lies_on_box(p)) use(block, i, v, p);
-      }
-    }
-  };
-  for_facets([&](const FacetBlock&, std::int64_t, const VertexId* v, const std::array<Vec<Dim>, Dim>& p) {
-    const auto above = static_cast<float>(std::sqrt(longest_edge2<Dim>(p)) / voxel_ - kFine);
-    for (int k = 0; k < Dim; ++k) excess[v[k]] += above;
+    for (int k = 0; k < Dim; ++k) p[k] = mesh_.points[block.vertices[i * Dim + k]];
+    above[i] = block.second[i] == kOutside && lies_on_box(p)
+                   ? kLeftOut
+                   : static_cast<float>(std::sqrt(longest_edge2<Dim>(p)) / voxel_ - kFine);
   });
+  std::vector<float> excess(mesh_.points.size(), 0);
+  for (std::int64_t i = 0; i < block.size(); ++i)
+    if (above[i] != kLeftOut)
+      for (int k = 0; k < Dim; ++k) excess[block.vertices[i * Dim + k]] += above[i];
   for (std::size_t v = 0; v < excess.size(); ++v)
     if (excess[v] > 0) chosen_.push_back(static_cast<VertexId>(v));
-  for_facets([&](const FacetBlock& block, std::int64_t i, const VertexId* v, const std::array<Vec<Dim>, Dim>&) {
-    if (std::none_of(v, v + Dim, [&](VertexId w) { return excess[w] > 0; })) return;
-    Facet<Dim> f;
-    std::copy_n(v, Dim, f.v.begin());
+  sort_by_place();
+
+  std::vector<std::uint32_t> rank(mesh_.points.size(), kNone);
+  for (std::size_t i = 0; i < order_.size(); ++i) rank[order_[i]] = static_cast<std::uint32_t>(i);
+  // Where a facet goes: to the first of its vertices.
+  std::vector<std::uint32_t> next(order_.size() + 1, 0);
+  const auto first_of = [&](std::int64_t i) {
+    std::uint32_t first = kNone;
+    if (above[i] != kLeftOut)
+      for (int k = 0; k < Dim; ++k) first = std::min(first, rank[block.vertices[i * Dim + k]]);
+    return first;
+  };
+  for (std::int64_t i = 0; i < block.size(); ++i)
+    if (const std::uint32_t first = first_of(i); first != kNone) ++next[first];
+  facets_.resize(exclusive_scan(std::span(next)));
+  for (std::int64_t i = 0; i < block.size(); ++i) {
+    const std::uint32_t first = first_of(i);
+    if (first == kNone) continue;
+    source_.push_back(next[first]);
+    Facet<Dim>& f = facets_[next[first]++];
+    std::copy_n(block.vertices.begin() + i * Dim, Dim, f.v.begin());
     f.first = block.first[i];
     f.second = block.second[i] == kOutside ? options_.outside : block.second[i];
     set_order(f);
-    facets_.push_back(f);
+  }
+}
+
+/// Those near each other in space are near each other in the order.
+template <int Dim>
+void Fitter<Dim>::sort_by_place() {
+  std::vector<std::pair<std::uint64_t, VertexId>> keyed(chosen_.size());
+  const double cell = 2 * largest_voxel_;
+  parallel_for(execution_, std::ssize(keyed), kBlock, [&](std::int64_t i) {
+    std::uint64_t key = 0;
+    for (int d = 0; d < Dim; ++d) {
+      const auto c = static_cast<std::uint64_t>(std::clamp(mesh_.points[chosen_[i]][d] / cell, 0.0, 1048575.0));
+      for (int bit = 0; bit < 20; ++bit) key |= (c >> bit & 1) << (bit * Dim + d);
+    }
+    keyed[i] = {key, chosen_[i]};
   });
+  parallel_sort(execution_, keyed);
+  for (const auto& [key, v] : keyed) order_.push_back(v);
 }
 
 template <int Dim>
@@ -210,10 +243,10 @@ void Fitter<Dim>::link(const Patch<Dim>& patch) {
   for (std::size_t s = 1; s < first_link_.size(); ++s) first_link_[s] += first_link_[s - 1];
   links_.resize(static_cast<std::size_t>(first_link_.back()));
   std::vector<std::int64_t> next = first_link_;
-  for (std::size_t i = 0; i < facets_.size(); ++i)
+  for (const std::uint32_t i : source_)
     for (int k = 0; k < Dim; ++k)
       if (patch.has_star(facets_[i].v[k]))
-        links_[next[patch.slot(facets_[i].v[k])]++] = {static_cast<std::uint32_t>(i), static_cast<std::uint8_t>(k)};
+        links_[next[patch.slot(facets_[i].v[k])]++] = {i, static_cast<std::uint8_t>(k)};
 }
 
 /// Distance to where the two materials weigh the same, by secants. Weights change by about 1 over a voxel.
@@ -347,17 +380,6 @@ double Fitter<Dim>::rms() const {
   return sums[0] > 0 ? std::sqrt(std::max(0.0, sums[1]) / sums[0]) : 0;
 }
 
-/// Whether all cells around a vertex reach the quality when it is at x.
-template <int Dim>
-bool Fitter<Dim>::is_good(const Patch<Dim>& patch, VertexId v, const Vec<Dim>& x) const {
-  return std::ranges::all_of(patch.star(v), [&](CellId c) {
-    const SimplexVertices<Dim> cell = patch.cell(c);
-    std::array<Vec<Dim>, Dim + 1> p;
-    for (int k = 0; k <= Dim; ++k) p[k] = cell[k] == v ? x : patch.point(cell[k]);
-    return meets(p, target_);
-  });
-}
-
 /// The move that fits the facets around a vertex best while its neighbours stay.
 template <int Dim>
 Vec<Dim> Fitter<Dim>::wish_of(const Patch<Dim>& patch, VertexId v) const {
@@ -388,13 +410,12 @@ Vec<Dim> Fitter<Dim>::wish_of(const Patch<Dim>& patch, VertexId v) const {
   return solve_definite<Dim>(matrix, wish);
 }
 
-/// Which of the chosen vertices want to move.
+/// Which of the chosen vertices want to move, in the order by place.
 template <int Dim>
 std::vector<std::uint8_t> Fitter<Dim>::restless(const Patch<Dim>& patch) const {
-  const std::vector<VertexId>& all = patch.chosen();
-  std::vector<std::uint8_t> wants(all.size());
-  parallel_for(execution_, static_cast<std::int64_t>(all.size()), kBlock, [&](std::int64_t i) {
-    wants[i] = squared_norm(wish_of(patch, all[i])) > kLeast * kLeast * voxel_ * voxel_;
+  std::vector<std::uint8_t> wants(order_.size());
+  parallel_for(execution_, std::ssize(order_), kBlock, [&](std::int64_t i) {
+    wants[i] = squared_norm(wish_of(patch, order_[i])) > kLeast * kLeast * voxel_ * voxel_;
   });
   return wants;
 }
@@ -404,11 +425,13 @@ bool Fitter<Dim>::find_place(const Patch<Dim>& patch, VertexId v, Vec<Dim>& x) c
   const Vec<Dim> move = wish_of(patch, v), here = patch.point(v);
   if (squared_norm(move) <= kLeast * kLeast * voxel_ * voxel_) return false;
   const unsigned fixed = box_axes(here, box_);
+  thread_local StarCheck<Dim> cells;
+  cells.gather(patch, v);
   for (const double part : {1.0, 0.6, 0.3}) {
     x = here + part * move;
     for (int a = 0; a < Dim; ++a)
       if ((fixed >> a & 1) != 0) x[a] = here[a];
-    if (is_good(patch, v, x)) return true;
+    if (cells.all_meet(x, target_)) return true;
   }
   return false;
 }

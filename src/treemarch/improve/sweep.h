@@ -3,7 +3,9 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <cstdint>
+#include <iterator>
 #include <span>
 #include <utility>
 #include <vector>
@@ -25,83 +27,112 @@ inline std::uint64_t scramble(std::uint64_t x) {
 template <int Dim>
 class Turns {
  public:
-  /// \param vertices each once, all with stars
+  /// \param vertices each once, all with stars; those near each other in space are best near each other here
   Turns(const Patch<Dim>& patch, std::vector<VertexId> vertices, const Execution& execution)
       : vertices_(std::move(vertices)),
+        per_task_(std::clamp<std::int64_t>(std::ssize(vertices_) / 64, 16, 512)),
         end_(vertices_.size()),
-        before_(static_cast<std::size_t>(block_count(std::ssize(vertices_), kPerTask))) {
-    std::vector<std::uint32_t> place(patch.chosen().size(), 0);  // 1 + that in vertices_
-    for (std::size_t i = 0; i < vertices_.size(); ++i)
-      place[patch.slot(vertices_[i])] = static_cast<std::uint32_t>(i + 1);
-    const auto is_before = [](VertexId w, VertexId v) {
-      const std::uint64_t a = scramble(w), b = scramble(v);
-      return a != b ? a < b : w < v;
-    };
+        by_hash_(vertices_.size()),
+        before_(static_cast<std::size_t>(block_count(std::ssize(vertices_), per_task_))) {
+    std::vector<std::uint32_t> place(patch.chosen().size(), kNone);  // in vertices_, by slots
+    std::vector<Rank> rank;
+    rank.reserve(vertices_.size());
+    for (const VertexId v : vertices_) {
+      place[patch.slot(v)] = static_cast<std::uint32_t>(rank.size());
+      rank.push_back({scramble(v), v});
+    }
     parallel_for(execution, std::ssize(before_), 1, [&](std::int64_t task) {
-      std::vector<std::uint32_t>& found = before_[task];
-      for (std::int64_t i = task * kPerTask; i < std::min(std::ssize(vertices_), (task + 1) * kPerTask); ++i) {
-        const auto begin = std::ssize(found);
+      const std::int64_t first = task * per_task_, last = std::min(std::ssize(vertices_), first + per_task_);
+      std::vector<std::uint32_t> around;
+      for (std::int64_t i = first; i < last; ++i) {
+        around.clear();
         for (const CellId c : patch.star(vertices_[i]))
           for (const VertexId w : patch.cell(c)) {
             const std::int64_t slot = patch.slot(w);
-            if (slot < 0 || place[slot] == 0 || !is_before(w, vertices_[i])) continue;
-            if (std::find(found.begin() + begin, found.end(), place[slot] - 1) == found.end())
-              found.push_back(place[slot] - 1);
+            if (slot >= 0 && std::find(around.rbegin(), around.rend(), place[slot]) == around.rend())
+              around.push_back(place[slot]);
           }
-        end_[i] = static_cast<std::uint32_t>(found.size());
+        for (const std::uint32_t j : around)
+          if (j != kNone && rank[j] < rank[i]) before_[task].push_back(j);
+        end_[i] = static_cast<std::uint32_t>(before_[task].size());
+        by_hash_[i] = static_cast<std::uint32_t>(i);
       }
+      std::ranges::sort(by_hash_.begin() + first, by_hash_.begin() + last, {},
+                        [&](std::uint32_t i) { return rank[i]; });
     });
   }
-  [[nodiscard]] const std::vector<VertexId>& vertices() const { return vertices_; }
-  /// Those before a vertex. Vertices are given by their places in vertices().
+  [[nodiscard]] VertexId vertex(std::uint32_t i) const { return vertices_[i]; }
+  /// Those before a vertex. Vertices are given by their places in the list.
   [[nodiscard]] std::span<const std::uint32_t> before(std::uint32_t i) const {
-    const std::uint32_t begin = i % kPerTask == 0 ? 0 : end_[i - 1];
-    return {before_[i / kPerTask].data() + begin, end_[i] - begin};
+    const std::uint32_t begin = i % per_task_ == 0 ? 0 : end_[i - 1];
+    return {before_[i / per_task_].data() + begin, end_[i] - begin};
+  }
+  /// Parts of the list.
+  [[nodiscard]] std::int64_t tasks() const { return std::ssize(before_); }
+  /// Those of a part, the smallest hash first.
+  [[nodiscard]] std::span<const std::uint32_t> of_task(std::int64_t task) const {
+    const std::int64_t first = task * per_task_;
+    return {by_hash_.data() + first, static_cast<std::size_t>(std::min(std::ssize(by_hash_) - first, per_task_))};
   }
 
  private:
-  static constexpr std::int64_t kPerTask = 1024;
+  using Rank = std::pair<std::uint64_t, VertexId>;
+  static constexpr std::uint32_t kNone = 0xffffffffU;
+
   std::vector<VertexId> vertices_;
+  std::int64_t per_task_;
   std::vector<std::uint32_t> end_;                  // of each vertex in the list of its task
+  std::vector<std::uint32_t> by_hash_;              // by tasks
   std::vector<std::vector<std::uint32_t>> before_;  // by tasks
 };
 
 /// Moves each candidate once, neighbours never at the same time: a vertex moves when none around it that comes before
-/// it still waits. The same result for any number of threads.
+/// it still waits. The same result for any number of threads: whenever a vertex has its turn, those before it have
+/// moved and those after it have not. A task goes over its vertices, whose surroundings stay in the cache, and again
+/// while those of other tasks hold some of them up.
 /// \param is_candidate one a vertex of `turns`. \param find_place bool(VertexId v, Vec<Dim>& x): whether v shall move,
 /// and where to; called from many threads, and may read what lies in the cells around v only. Moves that the guard of
 /// the patch refuses are left out. \return number of vertices that moved. \pre the cells are those that `turns` saw
 template <int Dim, class FindPlace>
 std::int64_t sweep(Patch<Dim>& patch, const Turns<Dim>& turns, std::span<const std::uint8_t> is_candidate,
                    const Execution& execution, FindPlace&& find_place) {
-  enum State : std::uint8_t { kWaiting, kMoved, kDone };
-  std::vector<std::uint8_t> state(is_candidate.size(), kDone);
-  std::vector<std::uint32_t> waiting, now, later;
-  for (std::uint32_t i = 0; i < is_candidate.size(); ++i) {
-    if (is_candidate[i] == 0) continue;
-    state[i] = kWaiting;
-    waiting.push_back(i);
-  }
-  std::int64_t moved = 0;
-  while (!waiting.empty()) {
-    now.clear();
-    later.clear();
-    for (const std::uint32_t i : waiting) {
-      const bool is_first = std::ranges::all_of(turns.before(i), [&](std::uint32_t j) { return state[j] == kDone; });
-      (is_first ? now : later).push_back(i);
-    }
-    parallel_for(execution, std::ssize(now), 16, [&](std::int64_t k) {
-      const VertexId v = turns.vertices()[now[k]];
-      Vec<Dim> x;
-      if (!find_place(v, x) || !patch.keeps_anchors(v, x)) return;
-      patch.move(v, x);
-      state[now[k]] = kMoved;
+  std::vector<std::uint8_t> waits(is_candidate.begin(), is_candidate.end());
+  struct Task {
+    std::int64_t number, moved = 0;
+    bool begun = false;
+    std::vector<std::uint32_t> waiting;
+  };
+  std::vector<Task> tasks;
+  for (std::int64_t t = 0; t < turns.tasks(); ++t) tasks.push_back({t});
+  const auto has_turn = [&](std::uint32_t i) {
+    return std::ranges::none_of(turns.before(i), [&](std::uint32_t j) {
+      return std::atomic_ref(waits[j]).load(std::memory_order_acquire) != 0;
     });
-    for (const std::uint32_t i : now) {
-      moved += state[i] == kMoved;
-      state[i] = kDone;
-    }
-    waiting.swap(later);
+  };
+  std::int64_t moved = 0;
+  while (!tasks.empty()) {
+    parallel_for(execution, std::ssize(tasks), 1, [&](std::int64_t t) {
+      Task& task = tasks[t];
+      if (!task.begun)
+        std::ranges::copy_if(turns.of_task(task.number), std::back_inserter(task.waiting),
+                             [&](std::uint32_t i) { return is_candidate[i] != 0; });
+      task.begun = true;
+      std::erase_if(task.waiting, [&](std::uint32_t i) {
+        if (!has_turn(i)) return false;
+        const VertexId v = turns.vertex(i);
+        Vec<Dim> x;
+        if (find_place(v, x) && patch.keeps_anchors(v, x)) {
+          patch.move(v, x);
+          ++task.moved;
+        }
+        std::atomic_ref(waits[i]).store(0, std::memory_order_release);
+        return true;
+      });
+    });
+    std::erase_if(tasks, [&](const Task& task) {
+      if (task.waiting.empty()) moved += task.moved;
+      return task.waiting.empty();
+    });
   }
   return moved;
 }

@@ -119,28 +119,53 @@ struct SquaredQualityBound {
   double high, low;
 };
 
-[[nodiscard, gnu::always_inline]] inline bool meets(const std::array<Vec<3>, 4>& p, const SquaredQualityBound& bound) {
-  const Vec<3> a = p[1] - p[0], b = p[2] - p[0], c = p[3] - p[0];
-  const Vec<3> n1 = cross(b, c), n2 = cross(c, a), n3 = cross(a, b);
-  const Vec<3> n0{-n1[0] - n2[0] - n3[0], -n1[1] - n2[1] - n3[1], -n1[2] - n2[2] - n3[2]};
-  const double s0 = dot(n0, n0), s1 = dot(n1, n1), s2 = dot(n2, n2), s3 = dot(n3, n3);
-  const auto within = [&](const Vec<3>& n, const Vec<3>& m, double s) {
-    const double d = dot(n, m), square = d * std::abs(d);
-    return static_cast<int>(square >= -bound.high * s) & static_cast<int>(square <= bound.low * s);
+namespace detail {
+
+/// The same for a simplex given by its edges from one vertex to the others. T is double, or a vector type of several of
+/// them; then the result is a vector of masks. The same bits for all of them.
+template <class T>
+[[nodiscard, gnu::always_inline]] inline auto edges_meet(const std::array<std::array<T, 3>, 3>& edges,
+                                                         const SquaredQualityBound& bound) {
+  using Vector = std::array<T, 3>;
+  const auto product = [](const Vector& u, const Vector& v) [[gnu::always_inline]] -> Vector {
+    return {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
   };
-  return (static_cast<int>(dot(a, n1) > 0) & within(n0, n1, s0 * s1) & within(n0, n2, s0 * s2) &
-          within(n0, n3, s0 * s3) & within(n1, n2, s1 * s2) & within(n1, n3, s1 * s3) & within(n2, n3, s2 * s3)) != 0;
+  const auto scalar = [](const Vector& u, const Vector& v)
+                          [[gnu::always_inline]] { return T(u[0] * v[0] + u[1] * v[1] + u[2] * v[2]); };
+  const auto within = [&](const Vector& n, const Vector& m, const T& s) [[gnu::always_inline]] {
+    const T d = scalar(n, m), square = d * (d < 0 ? -d : d);
+    return (square >= -bound.high * s) & (square <= bound.low * s);
+  };
+  const Vector n1 = product(edges[1], edges[2]), n2 = product(edges[2], edges[0]), n3 = product(edges[0], edges[1]);
+  const Vector n0{-n1[0] - n2[0] - n3[0], -n1[1] - n2[1] - n3[1], -n1[2] - n2[2] - n3[2]};
+  const T s0 = scalar(n0, n0), s1 = scalar(n1, n1), s2 = scalar(n2, n2), s3 = scalar(n3, n3);
+  return (scalar(edges[0], n1) > 0) & within(n0, n1, s0 * s1) & within(n0, n2, s0 * s2) & within(n0, n3, s0 * s3) &
+         within(n1, n2, s1 * s2) & within(n1, n3, s1 * s3) & within(n2, n3, s2 * s3);
+}
+template <class T>
+[[nodiscard, gnu::always_inline]] inline auto edges_meet(const std::array<std::array<T, 2>, 2>& edges,
+                                                         const SquaredQualityBound& bound) {
+  const auto& [u, v] = edges;
+  const std::array<T, 2> w{v[0] - u[0], v[1] - u[1]};
+  const T uu = u[0] * u[0] + u[1] * u[1], vv = v[0] * v[0] + v[1] * v[1], ww = w[0] * w[0] + w[1] * w[1];
+  const T at_first = u[0] * v[0] + u[1] * v[1], at_second = -(u[0] * w[0] + u[1] * w[1]),
+          at_third = v[0] * w[0] + v[1] * w[1];
+  const auto within = [&](const T& d, const T& s) [[gnu::always_inline]] {
+    const T square = d * (d < 0 ? -d : d);
+    return (square <= bound.high * s) & (-square <= bound.low * s);
+  };
+  return (u[0] * v[1] - u[1] * v[0] > 0) & within(at_first, uu * vv) & within(at_second, uu * ww) &
+         within(at_third, vv * ww);
 }
 
-[[nodiscard, gnu::always_inline]] inline bool meets(const std::array<Vec<2>, 3>& p, const SquaredQualityBound& bound) {
-  const Vec<2> u = p[1] - p[0], v = p[2] - p[0], w = p[2] - p[1];
-  const double uu = dot(u, u), vv = dot(v, v), ww = dot(w, w);
-  const auto within = [&](double d, double s) {
-    const double square = d * std::abs(d);
-    return square <= bound.high * s && -square <= bound.low * s;
-  };
-  return u[0] * v[1] - u[1] * v[0] > 0 && within(dot(u, v), uu * vv) && within(-dot(u, w), uu * ww) &&
-         within(dot(v, w), vv * ww);
+}  // namespace detail
+
+template <std::size_t Points>
+[[nodiscard, gnu::always_inline]] inline bool meets(const std::array<Vec<int(Points) - 1>, Points>& p,
+                                                    const SquaredQualityBound& bound) {
+  std::array<std::array<double, Points - 1>, Points - 1> edges;
+  for (std::size_t k = 1; k < Points; ++k) edges[k - 1] = p[k] - p[0];
+  return detail::edges_meet(edges, bound) != 0;
 }
 
 }  // namespace treemarch

@@ -1,0 +1,46 @@
+#include "treemarch/improve/star_check.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "improve/improve_meshes.h"
+
+namespace treemarch {
+namespace {
+
+/// Cells one by one, at many places of a vertex: some where all cells are good, some where they are not.
+template <int Dim>
+void check_stars(const LabelImage<Dim>& image) {
+  auto cut = testing::cut_image(image);
+  std::vector<VertexId> all(cut.mesh.points.size());
+  for (VertexId v = 0; v < all.size(); ++v) all[v] = v;
+  const Patch<Dim> patch(cut.mesh, all, Execution(2));
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> some(-0.3, 0.3);
+  StarCheck<Dim> check;
+  int good = 0, bad = 0;
+  for (const VertexId v : all) {
+    check.gather(patch, v);
+    for (int trial = 0; trial < 8; ++trial) {
+      const SquaredQualityBound bound(QualityBound(5 + 5 * (trial % 4)));
+      Vec<Dim> x = patch.point(v);
+      for (int d = 0; d < Dim && trial > 0; ++d) x[d] += some(random);
+      const bool expected = std::ranges::all_of(patch.star(v), [&](CellId c) {
+        std::array<Vec<Dim>, Dim + 1> p;
+        for (int k = 0; k <= Dim; ++k) p[k] = patch.cell(c)[k] == v ? x : patch.point(patch.cell(c)[k]);
+        return meets(p, bound);
+      });
+      EXPECT_EQ(check.all_meet(x, bound), expected) << "vertex " << v << " trial " << trial;
+      ++(expected ? good : bad);
+    }
+  }
+  EXPECT_GT(good, 100);
+  EXPECT_GT(bad, 100);
+}
+
+TEST(StarCheck, SaysOfAllCellsWhatTheySayOneByOne2D) { check_stars(testing::mixed_image<2>({20, 17}, 4, 0.05, 1)); }
+TEST(StarCheck, SaysOfAllCellsWhatTheySayOneByOne3D) { check_stars(testing::mixed_image<3>({8, 8, 7}, 4, 0.02, 2)); }
+
+}  // namespace
+}  // namespace treemarch

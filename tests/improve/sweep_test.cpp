@@ -1,0 +1,66 @@
+#include "treemarch/improve/sweep.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <vector>
+
+#include "improve/improve_meshes.h"
+
+namespace treemarch {
+namespace {
+
+/// Where the sweep leaves the vertices that each move half way to the mean of those around them.
+std::vector<Vec<3>> smoothed(const testing::CutImage<3>& cut, const std::vector<VertexId>& vertices,
+                             const std::vector<std::uint8_t>& wanted, int threads) {
+  Mesh<3> mesh = cut.mesh;
+  const Execution execution(threads);
+  std::vector<VertexId> sorted = vertices;
+  std::ranges::sort(sorted);
+  Patch<3> patch(mesh, sorted, execution);
+  const auto place = [&](VertexId v, Vec<3>& x) {
+    Vec<3> sum{};
+    for (const CellId c : patch.star(v)) sum = sum + patch.centroid(c);
+    x = 0.5 * patch.point(v) + (0.5 / static_cast<double>(patch.star(v).size())) * sum;
+    return v % 7 != 0;
+  };
+  std::int64_t expected = 0;
+  for (std::size_t i = 0; i < vertices.size(); ++i) expected += wanted[i] != 0 && vertices[i] % 7 != 0;
+  EXPECT_EQ(sweep(patch, Turns<3>(patch, vertices, execution), wanted, execution, place), expected);
+  return mesh.points;
+}
+
+/// Whatever the threads and the order of the list, it is as if one vertex moved after the other, by their hashes.
+TEST(Sweep, MovesOneAfterTheOther) {
+  const auto cut = testing::cut_image(testing::mixed_image<3>({12, 12, 11}, 4, 0.02, 2));
+  std::vector<VertexId> vertices;
+  std::vector<std::uint8_t> wanted;
+  for (VertexId v = 0; v < cut.mesh.points.size(); ++v)
+    if (v % 5 != 0) vertices.push_back(v), wanted.push_back(v % 3 != 0);
+  ASSERT_GT(vertices.size(), 2000U);
+  const std::vector<Vec<3>> points = smoothed(cut, vertices, wanted, 1);
+  for (const int threads : {2, 7}) EXPECT_EQ(smoothed(cut, vertices, wanted, threads), points);
+
+  std::vector<std::pair<std::uint64_t, VertexId>> by_hash;
+  for (std::size_t i = 0; i < vertices.size(); ++i)
+    if (wanted[i] != 0) by_hash.push_back({scramble(vertices[i]), vertices[i]});
+  std::ranges::sort(by_hash);
+  Mesh<3> mesh = cut.mesh;
+  std::vector<VertexId> all(mesh.points.size());
+  for (VertexId v = 0; v < all.size(); ++v) all[v] = v;
+  Patch<3> patch(mesh, all, Execution(1));
+  for (const auto& [hash, v] : by_hash) {
+    if (v % 7 == 0) continue;
+    Vec<3> sum{};
+    for (const CellId c : patch.star(v)) sum = sum + patch.centroid(c);
+    patch.move(v, 0.5 * patch.point(v) + (0.5 / static_cast<double>(patch.star(v).size())) * sum);
+  }
+  EXPECT_EQ(mesh.points, points);
+
+  std::ranges::reverse(vertices);
+  std::ranges::reverse(wanted);
+  EXPECT_EQ(smoothed(cut, vertices, wanted, 2), points);
+}
+
+}  // namespace
+}  // namespace treemarch
