@@ -26,5 +26,18 @@ TEST(RankedBits, NumbersMembersBeyond31Bits) {
   }
 }
 
+TEST(RankedBits, TakesTwoAndGivesWordsFromAnyPlace) {
+  constexpr std::int64_t kEnd = 256;
+  std::set<std::int64_t> members;
+  RankedBits bits(kEnd);
+  for (const std::int64_t i : {0, 5, 62, 63, 127, 200, 254}) {
+    bits.insert_two(i);
+    members.insert({i, i + 1});
+  }
+  for (std::int64_t from = 0; from < kEnd + 64; ++from)
+    for (int k = 0; k < 64; ++k)
+      EXPECT_EQ(bits.word_from(from) >> k & 1, members.contains(from + k) ? 1U : 0U) << from << ' ' << k;
+}
+
 }  // namespace
 }  // namespace treemarch

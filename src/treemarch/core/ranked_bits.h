@@ -22,6 +22,17 @@ class RankedBits {
     const std::uint64_t bit = std::uint64_t{1} << (i & 63);
     if ((word.load(std::memory_order_relaxed) & bit) == 0) word.fetch_or(bit, std::memory_order_relaxed);
   }
+  /// Inserts i and i + 1.
+  void insert_two(std::int64_t i) {
+    if ((i & 63) == 63) {
+      insert(i);
+      insert(i + 1);
+      return;
+    }
+    std::atomic_ref<std::uint64_t> word(words_[static_cast<std::size_t>(i >> 6)]);
+    const std::uint64_t bits = std::uint64_t{3} << (i & 63);
+    if ((word.load(std::memory_order_relaxed) & bits) != bits) word.fetch_or(bits, std::memory_order_relaxed);
+  }
   [[nodiscard]] bool contains(std::int64_t i) const {
     const std::atomic_ref<std::uint64_t> word(const_cast<std::uint64_t&>(words_[static_cast<std::size_t>(i >> 6)]));
     return (word.load(std::memory_order_relaxed) >> (i & 63) & 1) != 0;
@@ -34,6 +45,15 @@ class RankedBits {
   [[nodiscard]] std::uint32_t rank(std::int64_t i) const {
     const auto w = static_cast<std::size_t>(i >> 6);
     return first_[w] + count(words_[w] & ((std::uint64_t{1} << (i & 63)) - 1));
+  }
+  /// Which of the 64 integers from i on are members, a bit each; none from n on. \pre nobody inserts
+  [[nodiscard]] std::uint64_t word_from(std::int64_t i) const {
+    const auto w = static_cast<std::size_t>(i >> 6);
+    const int shift = static_cast<int>(i & 63);
+    if (w >= words_.size()) return 0;
+    std::uint64_t word = words_[w] >> shift;
+    if (shift != 0 && w + 1 < words_.size()) word |= words_[w + 1] << (64 - shift);
+    return word;
   }
   /// Sets of 64 members each, and the number of the first member of each.
   [[nodiscard]] const std::vector<std::uint64_t>& words() const { return words_; }

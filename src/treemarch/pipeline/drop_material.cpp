@@ -5,34 +5,41 @@
 #include <span>
 
 #include "treemarch/core/parallel.h"
+#include "treemarch/core/raw_vector.h"
 
 namespace treemarch {
 namespace {
 
-constexpr std::int64_t kBlock = 1 << 16;
+constexpr std::int64_t kBlock = 1 << 15;
 
-/// Moves what keeps(i) of each block of [0, n) to the front of the block, by move(from, to); then the blocks to the
-/// front of all, by move_all(from, to, count), in order. Needs no second copy. \return how many are kept
-template <class Keeps, class Move, class MoveAll>
-std::int64_t keep_in_place(std::int64_t n, const Execution& execution, Keeps&& keeps, Move&& move, MoveAll&& move_all) {
-  std::vector<std::int64_t> kept(static_cast<std::size_t>(block_count(n, kBlock)));
-  parallel_for(execution, std::ssize(kept), 1, [&](std::int64_t b) {
-    std::int64_t to = b * kBlock;
-    for (std::int64_t i = to; i < std::min(n, (b + 1) * kBlock); ++i)
-      if (keeps(i)) move(i, to++);
-    kept[static_cast<std::size_t>(b)] = to - b * kBlock;
+/// Moves what keeps(i) of [0, n) to the front, in order, by move(from, to). Needs no second copy: blocks move at the
+/// same time where their new places were all left by blocks before them. \return how many are kept
+template <class Keeps, class Move>
+std::int64_t keep_in_place(std::int64_t n, const Execution& execution, Keeps&& keeps, Move&& move) {
+  const std::int64_t blocks = block_count(n, kBlock);
+  std::vector<std::int64_t> first(static_cast<std::size_t>(blocks) + 1);  // new place of what each block keeps
+  parallel_for(execution, blocks, 1, [&](std::int64_t b) {
+    std::int64_t kept = 0;
+    for (std::int64_t i = b * kBlock; i < std::min(n, (b + 1) * kBlock); ++i) kept += keeps(i) ? 1 : 0;
+    first[static_cast<std::size_t>(b)] = kept;
   });
-  std::int64_t end = 0;
-  for (std::int64_t b = 0; b < std::ssize(kept); ++b) {
-    const std::int64_t count = kept[static_cast<std::size_t>(b)];
-    if (end != b * kBlock) move_all(b * kBlock, end, count);
-    end += count;
+  const std::int64_t total = exclusive_scan(std::span(first));
+  for (std::int64_t begin = 0, end = 0; begin < blocks; begin = end) {
+    end = begin + 1;
+    while (end < blocks && first[static_cast<std::size_t>(end) + 1] <= begin * kBlock) ++end;
+    parallel_for(execution, end - begin, 1, [&](std::int64_t k) {
+      const std::int64_t b = begin + k;
+      std::int64_t to = first[static_cast<std::size_t>(b)];
+      for (std::int64_t i = b * kBlock; i < std::min(n, (b + 1) * kBlock); ++i)
+        if (keeps(i)) move(i, to++);
+    });
   }
-  return end;
+  return total;
 }
 
-/// Keeps the cells that are not of a material, in their order.
-void remove_cells(CellBlock& block, MaterialId material, const Execution& execution) {
+/// Keeps the cells that are not of a material, in their order, with number(v) for each vertex v.
+template <class Number>
+void remove_cells(CellBlock& block, MaterialId material, const Execution& execution, Number&& number) {
   const auto width = static_cast<std::int64_t>(vertex_count(block.type));
   const auto vertices = block.vertices.begin();
   const auto materials = block.materials.begin();
@@ -40,43 +47,61 @@ void remove_cells(CellBlock& block, MaterialId material, const Execution& execut
       block.size(), execution, [&](std::int64_t c) { return materials[c] != material; },
       [&](std::int64_t from, std::int64_t to) {
         materials[to] = materials[from];
-        std::copy_n(vertices + from * width, width, vertices + to * width);
-      },
-      [&](std::int64_t from, std::int64_t to, std::int64_t count) {
-        std::copy_n(materials + from, count, materials + to);
-        std::copy_n(vertices + from * width, count * width, vertices + to * width);
+        for (std::int64_t k = 0; k < width; ++k) vertices[to * width + k] = number(vertices[from * width + k]);
       });
   block.vertices.resize(static_cast<std::size_t>(kept * width));
   block.materials.resize(static_cast<std::size_t>(kept));
+}
+
+/// Marks the vertices of the cells that are not of a material.
+void mark_used(const CellBlock& block, MaterialId material, std::vector<std::uint8_t>& used,
+               const Execution& execution) {
+  const int width = vertex_count(block.type);
+  parallel_for(execution, block.size(), kBlock, [&](std::int64_t c) {
+    if (block.materials[static_cast<std::size_t>(c)] == material) return;
+    for (const VertexId v : std::span(block.cell(c), static_cast<std::size_t>(width))) {
+      const std::atomic_ref mark(used[v]);
+      if (mark.load(std::memory_order_relaxed) == 0) mark.store(1, std::memory_order_relaxed);
+    }
+  });
+}
+
+/// Takes the points that are not used out of a mesh. \return the new number of each point, nothing if all are used
+template <int Dim>
+RawVector<VertexId> remove_points(Mesh<Dim>& mesh, const std::vector<std::uint8_t>& used, const Execution& execution) {
+  const std::int64_t n = std::ssize(mesh.points);
+  const auto points = mesh.points.begin();
+  RawVector<VertexId> number(mesh.points.size());
+  const std::int64_t kept = keep_in_place(
+      n, execution, [&](std::int64_t v) { return used[static_cast<std::size_t>(v)] != 0; },
+      [&](std::int64_t from, std::int64_t to) {
+        points[to] = points[from];
+        number[static_cast<std::size_t>(from)] = static_cast<VertexId>(to);
+      });
+  mesh.points.resize(static_cast<std::size_t>(kept));
+  if (kept == n) number.clear();
+  return number;
+}
+
+template <int Dim>
+void drop_empty_blocks(Mesh<Dim>& mesh) {
+  std::erase_if(mesh.blocks, [](const CellBlock& b) { return b.size() == 0; });
 }
 
 }  // namespace
 
 template <int Dim>
 void drop_cells(Mesh<Dim>& mesh, MaterialId material, const Execution& execution) {
-  for (CellBlock& block : mesh.blocks) remove_cells(block, material, execution);
-  std::erase_if(mesh.blocks, [](const CellBlock& b) { return b.size() == 0; });
+  for (CellBlock& block : mesh.blocks) remove_cells(block, material, execution, [](VertexId v) { return v; });
+  drop_empty_blocks(mesh);
 }
 
 template <int Dim>
 void drop_unused_points(Mesh<Dim>& mesh, const Execution& execution) {
-  const std::int64_t n = std::ssize(mesh.points);
   std::vector<std::uint8_t> used(mesh.points.size());
-  for (const CellBlock& block : mesh.blocks) {
-    parallel_for(execution, std::ssize(block.vertices), kBlock, [&](std::int64_t i) {
-      const std::atomic_ref mark(used[block.vertices[static_cast<std::size_t>(i)]]);
-      if (mark.load(std::memory_order_relaxed) == 0) mark.store(1, std::memory_order_relaxed);
-    });
-  }
-  const auto points = mesh.points.begin();
-  const auto is_used = [&](std::int64_t v) { return used[static_cast<std::size_t>(v)] != 0; };
-  const std::int64_t kept = keep_in_place(
-      n, execution, is_used, [&](std::int64_t from, std::int64_t to) { points[to] = points[from]; },
-      [&](std::int64_t from, std::int64_t to, std::int64_t count) { std::copy_n(points + from, count, points + to); });
-  if (kept == n) return;
-  mesh.points.resize(static_cast<std::size_t>(kept));
-  std::vector<VertexId> number(used.begin(), used.end());
-  exclusive_scan(std::span(number));
+  for (const CellBlock& block : mesh.blocks) mark_used(block, kOutside, used, execution);
+  const RawVector<VertexId> number = remove_points(mesh, used, execution);
+  if (number.empty()) return;
   for (CellBlock& block : mesh.blocks) {
     parallel_for(execution, std::ssize(block.vertices), kBlock, [&](std::int64_t i) {
       VertexId& v = block.vertices[static_cast<std::size_t>(i)];
@@ -88,8 +113,12 @@ void drop_unused_points(Mesh<Dim>& mesh, const Execution& execution) {
 template <int Dim>
 void drop_material(Mesh<Dim>& mesh, MaterialId material, Execution& execution) {
   const Execution::Stage stage(execution, "drop background");
-  drop_cells(mesh, material, execution);
-  drop_unused_points(mesh, execution);
+  std::vector<std::uint8_t> used(mesh.points.size());
+  for (const CellBlock& block : mesh.blocks) mark_used(block, material, used, execution);
+  const RawVector<VertexId> number = remove_points(mesh, used, execution);
+  for (CellBlock& block : mesh.blocks)
+    remove_cells(block, material, execution, [&](VertexId v) { return number.empty() ? v : number[v]; });
+  drop_empty_blocks(mesh);
 }
 
 template void drop_cells(Mesh<2>&, MaterialId, const Execution&);

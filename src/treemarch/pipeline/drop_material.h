@@ -16,7 +16,7 @@ void drop_cells(Mesh<Dim>& mesh, MaterialId material, const Execution& execution
 template <int Dim>
 void drop_unused_points(Mesh<Dim>& mesh, const Execution& execution);
 
-/// Both.
+/// Both, at the price of moving each cell once.
 template <int Dim>
 void drop_material(Mesh<Dim>& mesh, MaterialId material, Execution& execution);
 

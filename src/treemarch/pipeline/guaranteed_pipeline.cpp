@@ -125,9 +125,13 @@ Mesh<Dim> shape_mesh(const Shaping<Dim>& how, SimplexLattice<Dim>& lattice, bool
   if (how.left_out != kOutside) {
     const auto materials = mesh.blocks[0].materials.begin();
     far_cells -= std::count(materials, materials + far_cells, how.left_out);
-    stage.emplace(execution, "drop background");
-    drop_cells(mesh, how.left_out, execution);
-    if (!hybrid) drop_unused_points(mesh, execution);
+    stage.reset();
+    if (hybrid) {  // whole cells may need the points
+      stage.emplace(execution, "drop background");
+      drop_cells(mesh, how.left_out, execution);
+    } else {
+      drop_material(mesh, how.left_out, execution);
+    }
   }
 
   stage.emplace(execution, "improve");

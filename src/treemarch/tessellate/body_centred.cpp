@@ -90,7 +90,7 @@ void find_vertices_of_coarse(const SimplexLattice<Dim>& lattice, const Leaf<Dim>
   // All its points are even.
   const auto& points = lattice.points;
   const auto contains = [&](const Coord<Dim>& half) { return points.bits().contains(points.even_key_of(half)); };
-  const auto id = [&](const Coord<Dim>& half) { return points.bits().rank(points.even_key_of(half)); };
+  const auto id = [&](const Coord<Dim>& half) { return points.even_id(half); };
   const Coord<Dim> centre = centre_of(leaf, side);
   star.centre = id(centre);
   for (int c = 0; c < LeafStar<Dim>::kCorners; ++c) star.corner[c] = id(corner_of(centre, side, c));
@@ -244,8 +244,12 @@ void insert_points(SimplexLattice<Dim>& lattice, const Execution& execution) {
   parallel_for(execution, static_cast<std::int64_t>(lattice.leaves.size()), kGrain, [&](std::int64_t i) {
     const std::int32_t side = lattice.sides[lattice.leaves[i].level];
     const Coord<Dim> centre = centre_of(lattice.leaves[i], side);
-    lattice.points.insert(centre);
-    for (int c = 0; c < 1 << Dim; ++c) lattice.points.insert(corner_of(centre, side, c));
+    if (side == 1) {
+      lattice.points.insert_finest(lattice.leaves[i].corner);
+    } else {
+      lattice.points.insert(centre);
+      for (int c = 0; c < 1 << Dim; ++c) lattice.points.insert(corner_of(centre, side, c));
+    }
     if constexpr (Dim == 3) {
       for (int d = 0; d < Dim; ++d) {
         if (centre[d] == side) lattice.points.insert(shifted(centre, d, -side));
@@ -259,26 +263,15 @@ void insert_points(SimplexLattice<Dim>& lattice, const Execution& execution) {
 /// leaves there say.
 template <int Dim>
 void find_spacing(SimplexLattice<Dim>& lattice, const Execution& execution) {
-  const auto n = static_cast<std::int64_t>(lattice.vertices.size());
-  lattice.spacing.resize(n);
-  parallel_for(execution, n, 4 * kGrain, [&](std::int64_t v) {
-    const Coord<Dim>& at = lattice.vertices[v];
-    bool finest = false, even = true;
-    for (int d = 0; d < Dim; ++d) even &= at[d] % 2 == 0;
-    for (int c = 0; c < 1 << Dim && even && !finest; ++c) {
-      const Coord<Dim> beside = corner_of(at, 1, c);
-      bool inside = true;
-      for (int d = 0; d < Dim; ++d) inside &= beside[d] >= 0 && beside[d] < lattice.extent[d];
-      finest = inside && lattice.points.contains(beside);
-    }
-    lattice.spacing[v] = finest || !even ? 0 : std::numeric_limits<std::uint8_t>::max();
-  });
+  lattice.spacing.resize(lattice.vertices.size());
+  lattice.points.for_corners_without_finest(
+      execution, [&](VertexId v) { lattice.spacing[v] = std::numeric_limits<std::uint8_t>::max(); });
   parallel_for(execution, static_cast<std::int64_t>(lattice.leaves.size()), kGrain, [&](std::int64_t i) {
     const std::int32_t side = lattice.sides[lattice.leaves[i].level];
     if (side == 1) return;
     const auto log2 = static_cast<std::uint8_t>(std::countr_zero(static_cast<std::uint32_t>(side)));
     const auto lower = [&](const Coord<Dim>& at) {
-      const std::atomic_ref<std::uint8_t> spacing(lattice.spacing[lattice.points.id(at)]);
+      const std::atomic_ref<std::uint8_t> spacing(lattice.spacing[lattice.points.even_id(at)]);
       std::uint8_t now = spacing.load(std::memory_order_relaxed);
       while (now > log2 && !spacing.compare_exchange_weak(now, log2, std::memory_order_relaxed)) {
       }

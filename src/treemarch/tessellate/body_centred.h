@@ -99,7 +99,7 @@ struct LeafStar {
 /// are not stored: each leaf gives its own.
 template <int Dim>
 struct SimplexLattice {
-  std::vector<Coord<Dim>> vertices;   ///< integer coordinates: the identity of a vertex
+  RawVector<Coord<Dim>> vertices;     ///< integer coordinates: the identity of a vertex
   std::vector<std::uint8_t> spacing;  ///< log2 of the side of the smallest leaf at each vertex
   std::vector<Leaf<Dim>> leaves;      ///< as in the tree
   std::vector<std::int32_t> sides;    ///< of the leaves of each level, in finest cells

@@ -72,8 +72,8 @@ Coord<Dim> BodyCentredPoints<Dim>::point_of(std::int64_t key) const {
 }
 
 template <int Dim>
-std::vector<Coord<Dim>> BodyCentredPoints<Dim>::coordinates(std::int64_t size, const Execution& execution) const {
-  std::vector<Coord<Dim>> points(static_cast<std::size_t>(size));
+RawVector<Coord<Dim>> BodyCentredPoints<Dim>::coordinates(std::int64_t size, const Execution& execution) const {
+  RawVector<Coord<Dim>> points(static_cast<std::size_t>(size));
   const auto& words = bits_.words();
   parallel_for(execution, static_cast<std::int64_t>(words.size()), kWordsPerTask, [&](std::int64_t w) {
     if (words[w] == 0) return;
