@@ -37,25 +37,28 @@ void Patch<Dim>::collect(const Execution& execution) {
     for (int k = 0; k <= Dim; ++k) any |= marked[block_.vertices[c * (Dim + 1) + k]];
     return any;
   };
+  const auto for_corners = [&](CellId c, auto&& use) {
+    for (const VertexId v : cell(c))
+      if (slot_[v] != 0) use(stars_[slot_[v] - 1]);
+  };
   // The cells that are part of a star, per block of cells.
   std::vector<std::vector<CellId>> found(static_cast<std::size_t>(block_count(cells, kBlock)));
   parallel_for(execution, static_cast<std::int64_t>(found.size()), 1, [&](std::int64_t b) {
-    for (std::int64_t c = b * kBlock; c < std::min(cells, (b + 1) * kBlock); ++c)
-      if (touched(c)) found[b].push_back(static_cast<CellId>(c));
+    for (std::int64_t c = b * kBlock; c < std::min(cells, (b + 1) * kBlock); ++c) {
+      if (!touched(c)) continue;
+      found[b].push_back(static_cast<CellId>(c));
+      for_corners(found[b].back(),
+                  [](Star& s) { std::atomic_ref(s.capacity).fetch_add(1, std::memory_order_relaxed); });
+    }
   });
-  const auto for_corners = [&](auto&& use) {
-    parallel_for(execution, static_cast<std::int64_t>(found.size()), 1, [&](std::int64_t b) {
-      for (const CellId c : found[b])
-        for (const VertexId v : cell(c))
-          if (slot_[v] != 0) use(stars_[slot_[v] - 1], c);
-    });
-  };
-  for_corners([](Star& s, CellId) { std::atomic_ref(s.capacity).fetch_add(1, std::memory_order_relaxed); });
   std::int64_t total = 0;
   for (Star& s : stars_) s.first = total, total += s.capacity;
   pool_.resize(static_cast<std::size_t>(total));
-  for_corners(
-      [&](Star& s, CellId c) { pool_[s.first + std::atomic_ref(s.size).fetch_add(1, std::memory_order_relaxed)] = c; });
+  parallel_for(execution, static_cast<std::int64_t>(found.size()), 1, [&](std::int64_t b) {
+    for (const CellId c : found[b])
+      for_corners(
+          c, [&](Star& s) { pool_[s.first + std::atomic_ref(s.size).fetch_add(1, std::memory_order_relaxed)] = c; });
+  });
   // Threads come in any order; sorted stars do not.
   parallel_for(execution, static_cast<std::int64_t>(stars_.size()), 256, [&](std::int64_t s) {
     const auto first = pool_.begin() + stars_[s].first;

@@ -45,7 +45,9 @@ class Repairer {
       for (const MeshPinch& p : pinches) sheets += p.sheets;
       if (report_.rounds == 0) report_.pinches_before = sheets;
       report_.pinches_after = sheets;
-      const PlainBlocks<Dim> plain(image_, uniform_, mesh_, components.facets(), execution_);
+      const PlainBlocks<Dim> plain = needs_plain_blocks(image_, mesh_)
+                                         ? PlainBlocks<Dim>(image_, uniform_, mesh_, components.facets(), execution_)
+                                         : PlainBlocks<Dim>(uniform_);
       const BrokenComponents<Dim> broken =
           find_broken(image_, map_, required_, mesh_, components,
                       component_fates(image_, map_, mesh_, components, plain, to_image_, execution_), options_.left_out,

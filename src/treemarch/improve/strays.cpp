@@ -13,7 +13,7 @@
 namespace treemarch {
 namespace {
 
-constexpr std::int64_t kCellsPerTask = 1 << 14;
+constexpr std::int64_t kVerticesPerTask = 1 << 14;
 
 /// A voxel in a cell of its material.
 struct Hit {
@@ -75,27 +75,16 @@ template <int Dim>
 SmallPieces find_small_pieces(const LabelImage<Dim>& image, const ComponentMap& map,
                               std::span<const std::uint8_t> required, const Mesh<Dim>& mesh,
                               const MeshComponents<Dim>& components, const Execution& execution) {
-  using Found = std::vector<std::pair<std::uint32_t, CellId>>;  // component and cell
   const CellBlock& block = mesh.blocks[0];
   Marks with_inner_vertex(components.index_end());
-  parallel_for(execution, std::ssize(mesh.points), kCellsPerTask, [&](std::int64_t v) {
+  parallel_for(execution, std::ssize(mesh.points), kVerticesPerTask, [&](std::int64_t v) {
     if (components.is_inner(static_cast<VertexId>(v)))
       with_inner_vertex.mark(components.of_inner(static_cast<VertexId>(v)));
   });
-  const auto tasks = static_cast<std::size_t>(block_count(block.size(), kCellsPerTask));
-  std::vector<Found> found(tasks);
-  parallel_for(execution, static_cast<std::int64_t>(tasks), 1, [&](std::int64_t task) {
-    const std::int64_t begin = task * kCellsPerTask, end = std::min(block.size(), begin + kCellsPerTask);
-    for (std::int64_t c = begin; c < end; ++c) {
-      const VertexId* v = block.cell(c);
-      if (std::any_of(v, v + Dim + 1, [&](VertexId i) { return components.is_inner(i); })) continue;
-      const std::uint32_t component = components.of(0, c);
-      if (!with_inner_vertex[component])
-        found[static_cast<std::size_t>(task)].push_back({component, static_cast<CellId>(c)});
-    }
-  });
-  Found all;
-  for (const Found& f : found) all.insert(all.end(), f.begin(), f.end());
+  std::vector<std::pair<std::uint32_t, CellId>> all;  // component and cell
+  for (const auto& [b, cell] : components.cells_at_borders())
+    if (const std::uint32_t component = components.of(b, cell); b == 0 && !with_inner_vertex[component])
+      all.emplace_back(component, static_cast<CellId>(cell));
   std::ranges::sort(all);
   SmallPieces pieces;
   for (std::size_t i = 0; i < all.size();) {

@@ -1,6 +1,7 @@
 #include "treemarch/improve/unpinch.h"
 
 #include <algorithm>
+#include <limits>
 #include <numeric>
 #include <tuple>
 
@@ -93,9 +94,10 @@ int Unpincher<Dim>::excess(VertexId v) {
 }
 
 template <int Dim>
-int Unpincher<Dim>::excess_around(std::span<const VertexId> vertices) {
+int Unpincher<Dim>::excess_around(std::span<const VertexId> vertices, int enough) {
   int sum = 0;
-  for (const VertexId v : vertices) sum += excess(v);
+  for (const VertexId v : vertices)
+    if ((sum += excess(v)) >= enough) break;
   return sum;
 }
 
@@ -144,11 +146,12 @@ void Unpincher<Dim>::propose(std::span<const CellId> cells, MaterialId to) {
   for (const CellId c : cells) add_vertices<Dim>(patch_.cell(c), touched_);
   if (std::ranges::any_of(touched_, [&](VertexId v) { return !patch_.has_star(v); })) return;
   const MaterialId from = patch_.material(cells[0]);
-  Move move{{cells.begin(), cells.end()}, to, excess_around(touched_)};
+  const int before = excess_around(touched_, std::numeric_limits<int>::max());
   relabel(cells, to);
-  move.gain -= excess_around(touched_);
+  const int after = excess_around(touched_, before);
   relabel(cells, from);
-  if (move.gain <= 0) return;
+  if (after >= before) return;
+  Move move{{cells.begin(), cells.end()}, to, before - after};
   for (const CellId c : cells) {
     const MaterialId own = image_material(c);
     move.agreement += (own == to) - (own == from);

@@ -53,7 +53,8 @@ class Unpincher {
   void propose_parts();
   void propose_along_edges(VertexId v);
   void propose_cells();
-  [[nodiscard]] int excess_around(std::span<const VertexId> vertices);
+  /// The sum over some vertices, or a part of it that is `enough` already.
+  [[nodiscard]] int excess_around(std::span<const VertexId> vertices, int enough);
   void propose(std::span<const CellId> cells, MaterialId to);
   bool apply_best();
   [[nodiscard]] MaterialId image_material(CellId c) const;

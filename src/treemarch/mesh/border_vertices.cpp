@@ -23,13 +23,18 @@ std::uint64_t scatter(std::uint64_t x) {
 }  // namespace
 
 template <int Dim>
-void mark_interfaces(const Mesh<Dim>& mesh, std::vector<std::uint8_t>& marks, const Execution& execution) {
+void mark_interfaces(const Mesh<Dim>& mesh, std::int64_t first_cell, std::vector<std::uint8_t>& marks,
+                     const Execution& execution) {
   std::vector<MaterialId> met(mesh.points.size(), kOutside);
-  for (const CellBlock& block : mesh.blocks)
-    parallel_for(execution, block.size(), kCellsPerTask, [&](std::int64_t c) {
-      for (int i = 0; i < vertex_count(block.type); ++i)
-        note_material(met[block.cell(c)[i]], block.materials[static_cast<std::size_t>(c)]);
+  for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
+    const CellBlock& block = mesh.blocks[b];
+    const std::int64_t first = b == 0 ? first_cell : 0;
+    parallel_for(execution, block.size() - first, kCellsPerTask, [&](std::int64_t i) {
+      const std::int64_t c = first + i;
+      for (int k = 0; k < vertex_count(block.type); ++k)
+        note_material(met[block.cell(c)[k]], block.materials[static_cast<std::size_t>(c)]);
     });
+  }
   parallel_for(execution, std::ssize(met), 1 << 16, [&](std::int64_t v) {
     if (met[static_cast<std::size_t>(v)] == kSeveral) marks[static_cast<std::size_t>(v)] = 1;
   });
@@ -68,8 +73,8 @@ void mark_hull(const Mesh<Dim>& mesh, std::int64_t first_cell, std::vector<std::
   });
 }
 
-#define TREEMARCH_INSTANTIATE(DIM)                                                               \
-  template void mark_interfaces(const Mesh<DIM>&, std::vector<std::uint8_t>&, const Execution&); \
+#define TREEMARCH_INSTANTIATE(DIM)                                                                             \
+  template void mark_interfaces(const Mesh<DIM>&, std::int64_t, std::vector<std::uint8_t>&, const Execution&); \
   template void mark_hull(const Mesh<DIM>&, std::int64_t, std::vector<std::uint8_t>&, const Execution&);
 TREEMARCH_INSTANTIATE(2)
 TREEMARCH_INSTANTIATE(3)

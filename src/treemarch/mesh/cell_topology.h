@@ -68,6 +68,15 @@ inline constexpr std::array<CellTopology, 7> kCellTopology{{
 
 [[nodiscard]] constexpr const CellTopology& topology(CellType type) { return kCellTopology[static_cast<int>(type)]; }
 
+/// Calls f(vertex, next, previous) for each vertex of a facet of a cell, with its neighbours along the facet's rim (2D:
+/// the same one twice).
+template <class F>
+void for_each_corner(const LocalFacet& facet, const VertexId* cell, F&& f) {
+  for (int k = 0; k < facet.size; ++k)
+    f(cell[facet.vertex[k]], cell[facet.vertex[k + 1 < facet.size ? k + 1 : 0]],
+      cell[facet.vertex[k > 0 ? k - 1 : facet.size - 1]]);
+}
+
 inline constexpr std::array<std::array<std::uint8_t, 8>, 7> kMirroredOrder{
     {{1, 0}, {1, 0, 2}, {0, 3, 2, 1}, {1, 0, 2, 3}, {0, 3, 2, 1, 4}, {4, 5, 6, 7, 0, 1, 2, 3}, {1, 0, 2, 3, 4}}};
 

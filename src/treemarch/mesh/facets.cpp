@@ -24,7 +24,11 @@ template <int Rest>
 struct Entry {
   std::array<VertexId, Rest> rest;
   std::uint32_t facet;
-  auto operator<=>(const Entry&) const = default;
+  bool operator<(const Entry& other) const {
+    for (int i = 0; i < Rest; ++i)
+      if (rest[i] != other.rest[i]) return rest[i] < other.rest[i];
+    return facet < other.facet;
+  }
 };
 
 /// Vertices of a facet in ascending order, filled up with kNoVertex.
@@ -58,8 +62,7 @@ class Sorter {
       if (facets >= kNoVertex) throw Error(ErrorKind::limits, "mesh: more than 2^32 facets; choose larger cells");
     }
     counts_.resize(mesh.points.size());
-    for_each_facet(
-        [&](const auto& v, std::uint32_t) { std::atomic_ref(counts_[v[0]]).fetch_add(1, std::memory_order_relaxed); });
+    count();
   }
 
   template <class Visit>
@@ -79,21 +82,51 @@ class Sorter {
   }
 
  private:
+  /// Cells that are looked at one after the other.
+  struct Task {
+    std::size_t block;
+    std::int64_t begin;                 // cell
+    std::vector<std::uint16_t> wanted;  // where there is a filter: cells after it that may have a facet in question
+  };
+
+  /// Facets by their smallest vertex; notes the cells that have some.
+  void count() {
+    for (std::size_t b = 0; b < mesh_.blocks.size(); ++b)
+      for (std::int64_t c = b == 0 ? filter_.first_cell : 0; c < mesh_.blocks[b].size(); c += kCellsPerTask)
+        tasks_.push_back({b, c, {}});
+    parallel_for(execution_, std::ssize(tasks_), 1, [&](std::int64_t t) {
+      Task& task = tasks_[static_cast<std::size_t>(t)];
+      const CellBlock& block = mesh_.blocks[task.block];
+      for (std::int64_t c = task.begin; c < std::min(block.size(), task.begin + kCellsPerTask); ++c) {
+        if (!may_be_wanted(block, c)) continue;
+        if (!filter_.among.empty()) task.wanted.push_back(static_cast<std::uint16_t>(c - task.begin));
+        for_facets_of(task.block, c, [&](const auto& v, std::uint32_t) {
+          std::atomic_ref(counts_[v[0]]).fetch_add(1, std::memory_order_relaxed);
+        });
+      }
+    });
+  }
+
   template <class Use>
   void for_each_facet(const Use& use) const {
-    for (std::size_t b = 0; b < mesh_.blocks.size(); ++b) {
-      const CellBlock& block = mesh_.blocks[b];
-      const CellTopology& shape = topology(block.type);
-      const std::int64_t first = b == 0 ? filter_.first_cell : 0;
-      parallel_for(execution_, block.size() - first, kCellsPerTask, [&](std::int64_t i) {
-        const std::int64_t c = first + i;
-        if (!may_be_wanted(block, c)) return;
-        for (int f = 0; f < shape.facet_count; ++f) {
-          if (!is_wanted(shape.facets[f], block.cell(c))) continue;
-          use(sorted_vertices<Rest>(shape.facets[f], block.cell(c)),
-              first_facet_[b] + static_cast<std::uint32_t>(c * shape.facet_count + f));
-        }
-      });
+    parallel_for(execution_, std::ssize(tasks_), 1, [&](std::int64_t t) {
+      const Task& task = tasks_[static_cast<std::size_t>(t)];
+      if (filter_.among.empty())
+        for (std::int64_t c = task.begin; c < std::min(mesh_.blocks[task.block].size(), task.begin + kCellsPerTask);
+             ++c)
+          for_facets_of(task.block, c, use);
+      for (const std::uint16_t c : task.wanted) for_facets_of(task.block, task.begin + c, use);
+    });
+  }
+
+  template <class Use>
+  void for_facets_of(std::size_t b, std::int64_t c, const Use& use) const {
+    const CellBlock& block = mesh_.blocks[b];
+    const CellTopology& shape = topology(block.type);
+    for (int f = 0; f < shape.facet_count; ++f) {
+      if (!is_wanted(shape.facets[f], block.cell(c))) continue;
+      use(sorted_vertices<Rest>(shape.facets[f], block.cell(c)),
+          first_facet_[b] + static_cast<std::uint32_t>(c * shape.facet_count + f));
     }
   }
 
@@ -156,6 +189,7 @@ class Sorter {
   const Mesh<Dim>& mesh_;
   const Execution& execution_;
   FacetFilter filter_;
+  std::vector<Task> tasks_;
   std::vector<std::uint32_t> first_facet_;  // per block
   std::vector<std::uint32_t> counts_;       // facets by smallest vertex
   RawVector<Entry<Rest>> entries_;

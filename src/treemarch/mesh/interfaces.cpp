@@ -48,7 +48,7 @@ void append(std::vector<T>& to, const std::vector<T>& from) {
 template <int Dim>
 std::vector<FacetBlock> extract_interfaces(const Mesh<Dim>& mesh, Hull hull, const Execution& execution) {
   std::vector<std::uint8_t> borders(mesh.points.size());
-  mark_interfaces(mesh, borders, execution);
+  mark_interfaces(mesh, 0, borders, execution);
   if (hull == Hull::include) mark_hull(mesh, 0, borders, execution);
   std::vector<PartBlocks> parts(facet_part_count(static_cast<std::int64_t>(mesh.points.size())));
   visit_facets<Dim>(

@@ -106,20 +106,26 @@ std::vector<std::uint8_t> undecided_blocks(const LabelImage<Dim>& image, const C
 
 }  // namespace
 
-// Where cells are large the plain blocks come first, at a glance, which mostly decide about all large components. What
-// is left are small components, whose voxels alone need to be looked at in the cells of the main part of a material,
-// and other parts. Where a cell has few voxels one pass is less work.
+template <int Dim>
+bool needs_plain_blocks(const LabelImage<Dim>& image, const Mesh<Dim>& mesh) {
+  constexpr std::int64_t kFewVoxels = 4;  // a cell
+  return product(image.extent) > kFewVoxels * mesh.cell_count();
+}
+
+// A glance decides about most components: at the plain blocks where cells are large, at some of the cells where they
+// are not. What is left are small components, whose voxels alone need to be looked at in the cells of the main part of
+// a material, and other parts.
 template <int Dim>
 std::vector<ComponentFate> component_fates(const LabelImage<Dim>& image, const ComponentMap& map, const Mesh<Dim>& mesh,
                                            const MeshComponents<Dim>& components, const PlainBlocks<Dim>& plain,
                                            std::span<const MaterialId> to_image, const Execution& execution) {
-  constexpr std::int64_t kFewVoxels = 4;  // a cell
+  constexpr std::int64_t kGlance = 16;  // every so manieth task of cells
   Fates<Dim> fates(map, components, image.labels.size(), to_image, execution);
   const VoxelCentres<Dim> centres(image);
-  const auto look_at_cells = [&](auto&& skip, auto&& look) {
+  const auto look_at_cells = [&](std::int64_t every, auto&& skip, auto&& look) {
     for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
       const CellBlock& block = mesh.blocks[b];
-      parallel_for(execution, block.size(), kCellsPerTask, [&](std::int64_t c) {
+      const auto look_at_cell = [&](std::int64_t c) {
         const MaterialId material = to_image[block.materials[static_cast<std::size_t>(c)]];
         if (material == kOutside || fates.known(material)) return;
         std::uint32_t found = ComponentFate::kNone;
@@ -134,24 +140,30 @@ std::vector<ComponentFate> component_fates(const LabelImage<Dim>& image, const C
               [&](std::int64_t v) { return image.voxels[v] == material && !fates.covers(v, component()); },
               [&](std::int64_t v) { fates.widen(v, material, component()); });
         });
+      };
+      parallel_for(execution, block_count(block.size(), every * kCellsPerTask), 1, [&](std::int64_t task) {
+        const std::int64_t begin = task * every * kCellsPerTask;
+        for (std::int64_t c = begin; c < std::min(block.size(), begin + kCellsPerTask); ++c) look_at_cell(c);
       });
     }
   };
   const auto none = [](MaterialId, auto&&) { return false; };
-  if (product(image.extent) <= kFewVoxels * mesh.cell_count()) {
-    look_at_cells(none, [&](std::int64_t at, MaterialId, auto&&) { return plain[at] ? Look::at_first : Look::at_all; });
-    return fates.take();
-  }
-  look_at_cells(none, [&](std::int64_t at, MaterialId, auto&&) { return plain[at] ? Look::at_first : Look::nowhere; });
+  const bool large = needs_plain_blocks(image, mesh);
+  if (large)
+    look_at_cells(1, none,
+                  [&](std::int64_t at, MaterialId, auto&&) { return plain[at] ? Look::at_first : Look::nowhere; });
+  else
+    look_at_cells(kGlance, none, [&](std::int64_t, MaterialId, auto&&) { return Look::at_all; });
   const std::vector<std::uint32_t> main = fates.main_parts();
   const std::vector<std::uint8_t> blocks = undecided_blocks(image, map, fates, main, plain.extent(), execution);
   std::vector<std::uint8_t> undecided(main.size(), 0);  // of each material: whether a component is
   for (std::uint32_t c = 0; c < map.components.size(); ++c)
     undecided[map.components[c].material] |= static_cast<std::uint8_t>(is_undecided(map, fates, main, c));
   look_at_cells(
+      1,
       [&](MaterialId material, auto&& component) { return undecided[material] == 0 && component() == main[material]; },
       [&](std::int64_t at, MaterialId material, auto&& component) {
-        if (plain[at]) return Look::nowhere;
+        if (large && plain[at]) return Look::nowhere;
         const bool decided = blocks[static_cast<std::size_t>(at)] == 0 && component() == main[material];
         return decided ? Look::nowhere : Look::at_all;
       });
@@ -172,6 +184,7 @@ std::vector<MaterialId> match_labels(const std::vector<std::int32_t>& mesh, cons
 }
 
 #define TREEMARCH_INSTANTIATE(DIM)                                                                                   \
+  template bool needs_plain_blocks(const LabelImage<DIM>&, const Mesh<DIM>&);                                        \
   template std::vector<ComponentFate> component_fates(const LabelImage<DIM>&, const ComponentMap&, const Mesh<DIM>&, \
                                                       const MeshComponents<DIM>&, const PlainBlocks<DIM>&,           \
                                                       std::span<const MaterialId>, const Execution&);

@@ -28,12 +28,16 @@ struct ComponentFate {
 
 /// The fate of each component. A voxel belongs to the cells of its own label that contain its centre.
 /// \param to_image the image's material of each material of the mesh, kOutside where the image lacks the label
-/// \param plain blocks of the image beside the borders of these components
+/// \param plain blocks of the image beside the borders of these components; not looked at unless needs_plain_blocks()
 /// \pre the points are in the inner frame of the image
 template <int Dim>
 std::vector<ComponentFate> component_fates(const LabelImage<Dim>& image, const ComponentMap& map, const Mesh<Dim>& mesh,
                                            const MeshComponents<Dim>& components, const PlainBlocks<Dim>& plain,
                                            std::span<const MaterialId> to_image, const Execution& execution);
+
+/// Whether plain blocks save component_fates() time: cells are so large that there are several voxels a cell.
+template <int Dim>
+bool needs_plain_blocks(const LabelImage<Dim>& image, const Mesh<Dim>& mesh);
 
 /// The image's material of each material of a mesh, kOutside where the image lacks the label.
 std::vector<MaterialId> match_labels(const std::vector<std::int32_t>& mesh, const std::vector<std::int32_t>& image);

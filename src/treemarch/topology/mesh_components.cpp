@@ -21,12 +21,18 @@ namespace {
 constexpr std::int64_t kCellsPerTask = 1 << 13;
 constexpr MaterialId kUnused = kOutside;
 
+/// Threads may note the same at once.
+void note(MaterialId& at, MaterialId material) {
+  const std::atomic_ref place(at);
+  if (place.load(std::memory_order_relaxed) != material) place.store(material, std::memory_order_relaxed);
+}
+
 }  // namespace
 
 template <int Dim>
 MeshComponents<Dim>::MeshComponents(const Mesh<Dim>& mesh, const Execution& execution, const KnownOfMesh<Dim>& known)
-    : mesh_(mesh), known_(known), border_(mesh.points.size()), material_of_vertex_(mesh.points.size(), kUnused) {
-  mark_interfaces(execution);
+    : mesh_(mesh), known_(known), border_(mesh.points.size()), material_of_part_(mesh.points.size(), kUnused) {
+  mark_interfaces(mesh, known.uniform_cells, border_, execution);
   if (known.fills)
     mark_sides(*known.fills, execution);
   else
@@ -40,35 +46,10 @@ MeshComponents<Dim>::MeshComponents(const Mesh<Dim>& mesh, const Execution& exec
   if (n > std::numeric_limits<Index>::max())
     throw Error(ErrorKind::limits, "mesh: more than 2^32 vertices and cells; choose larger cells");
   sets_ = SharedDisjointSets(n, execution);
+  join_uniform(execution);
   join_inside(execution);
   join_at_borders(execution);
   if constexpr (Dim < 4) find_pinches(execution);
-}
-
-template <int Dim>
-template <class F>
-void MeshComponents<Dim>::for_each_near_cell(const Execution& execution, F&& f) const {
-  for (std::size_t b = 0; b < mesh_.blocks.size(); ++b) {
-    const std::int64_t first = b == 0 ? known_.uniform_cells : 0;
-    parallel_for(execution, mesh_.blocks[b].size() - first, kCellsPerTask, [&](std::int64_t c) { f(b, first + c); });
-  }
-}
-
-/// Marks vertices with cells of several materials.
-template <int Dim>
-void MeshComponents<Dim>::mark_interfaces(const Execution& execution) {
-  for_each_near_cell(execution, [&](std::size_t b, std::int64_t c) {
-    const CellBlock& block = mesh_.blocks[b];
-    const VertexId* v = block.cell(c);
-    const MaterialId material = block.materials[static_cast<std::size_t>(c)];
-    for (int i = 0; i < vertex_count(block.type); ++i) {
-      const std::atomic_ref<MaterialId> of_vertex(material_of_vertex_[v[i]]);
-      MaterialId known = of_vertex.load(std::memory_order_relaxed);
-      if (known == material) continue;
-      if (known == kUnused && of_vertex.compare_exchange_strong(known, material, std::memory_order_relaxed)) continue;
-      if (known != material) std::atomic_ref(border_[v[i]]).store(kBorder, std::memory_order_relaxed);
-    }
-  });
 }
 
 /// Marks vertices on the sides of the box that the mesh fills.
@@ -86,22 +67,39 @@ void MeshComponents<Dim>::mark_sides(const Vec<Dim>& far_corner, const Execution
 }
 
 template <int Dim>
+void MeshComponents<Dim>::join_uniform(const Execution& execution) {
+  const CellBlock& block = mesh_.blocks[0];
+  parallel_for(execution, known_.uniform_cells, kCellsPerTask, [&](std::int64_t c) {
+    const VertexId* v = block.cell(c);
+    const VertexId part = *std::min_element(v, v + vertex_count(block.type));
+    note(material_of_part_[part], block.materials[static_cast<std::size_t>(c)]);
+    for (int i = 0; i < vertex_count(block.type); ++i) sets_.join(part, v[i]);
+  });
+}
+
+template <int Dim>
 void MeshComponents<Dim>::join_inside(const Execution& execution) {
-  const auto join = [&](std::size_t b, std::int64_t c, bool note) {
-    const MaterialId material = mesh_.blocks[b].materials[static_cast<std::size_t>(c)];
-    const VertexId* v = mesh_.blocks[b].cell(c);
-    const auto part = part_of(b, c);
-    if (is_cell(part)) return;
-    for (int i = 0; i < vertex_count(mesh_.blocks[b].type); ++i) {
-      if (border_[v[i]] == kBorder) continue;
-      sets_.join(part, v[i]);
-      const std::atomic_ref<MaterialId> of_vertex(material_of_vertex_[v[i]]);
-      if (note && of_vertex.load(std::memory_order_relaxed) != material)
-        of_vertex.store(material, std::memory_order_relaxed);
-    }
-  };
-  parallel_for(execution, known_.uniform_cells, kCellsPerTask, [&](std::int64_t c) { join(0, c, true); });
-  for_each_near_cell(execution, [&](std::size_t b, std::int64_t c) { join(b, c, false); });
+  for (std::size_t b = 0; b < mesh_.blocks.size(); ++b) {
+    const CellBlock& block = mesh_.blocks[b];
+    const int n = vertex_count(block.type);
+    const std::int64_t first = b == 0 ? known_.uniform_cells : 0;
+    std::vector<std::vector<CellPlace>> found(
+        static_cast<std::size_t>(block_count(block.size() - first, kCellsPerTask)));
+    parallel_for(execution, std::ssize(found), 1, [&](std::int64_t task) {
+      const std::int64_t begin = first + task * kCellsPerTask;
+      for (std::int64_t c = begin; c < std::min(block.size(), begin + kCellsPerTask); ++c) {
+        const VertexId* v = block.cell(c);
+        if (std::none_of(v, v + n, [&](VertexId x) { return border_[x] == kInside; }))
+          found[static_cast<std::size_t>(task)].push_back({static_cast<std::uint8_t>(b), c});
+        const Index part = part_of(b, c);
+        if (is_cell(part)) continue;
+        note(material_of_part_[part], block.materials[static_cast<std::size_t>(c)]);
+        for (int i = 0; i < n; ++i)
+          if (border_[v[i]] != kBorder) sets_.join(part, v[i]);
+      }
+    });
+    for (const auto& in_task : found) cells_at_borders_.insert(cells_at_borders_.end(), in_task.begin(), in_task.end());
+  }
 }
 
 /// Of the facets without an inner vertex, which all border facets are.
@@ -116,7 +114,7 @@ void MeshComponents<Dim>::join_at_borders(const Execution& execution) {
                [&](std::int64_t part, std::span<const FacetSide> sides) {
                  const MaterialId own = material(sides[0]), beyond = sides.size() > 1 ? material(sides[1]) : kOutside;
                  if (own != beyond)
-                   found[static_cast<std::size_t>(part)].push_back({sides[0], beyond});
+                   found[static_cast<std::size_t>(part)].push_back({sides[0], own, beyond});
                  else
                    sets_.join(part_of(sides[0].block, sides[0].cell), part_of(sides[1].block, sides[1].cell));
                },
@@ -136,22 +134,26 @@ void MeshComponents<Dim>::join_at_borders(const Execution& execution) {
 template <int Dim>
 void MeshComponents<Dim>::find_pinches(const Execution& execution) requires(Dim < 4) {
   constexpr std::int64_t kVerticesPerPart = 4096;
-  const auto for_each_corner = [&](auto&& f) {
+  struct LinkFacet {
+    VertexId a, b;  // neighbours of the vertex along the rim
+    MaterialId first, second;
+  };
+  const auto for_each_border_vertex = [&](auto&& f) {
     parallel_for(execution, std::ssize(facets_), kCellsPerTask, [&](std::int64_t i) {
-      const FacetSide& side = facets_[static_cast<std::size_t>(i)].side;
-      const CellBlock& block = mesh_.blocks[side.block];
-      const LocalFacet& facet = topology(block.type).facets[side.facet];
-      for (int k = 0; k < facet.size; ++k)
-        if (const VertexId v = block.cell(side.cell)[facet.vertex[static_cast<std::size_t>(k)]]; border_[v] == kBorder)
-          f(v, static_cast<std::uint32_t>(i));
+      const BorderFacet& border = facets_[static_cast<std::size_t>(i)];
+      const CellBlock& block = mesh_.blocks[border.side.block];
+      for_each_corner(topology(block.type).facets[border.side.facet], block.cell(border.side.cell),
+                      [&](VertexId v, VertexId next, VertexId previous) {
+                        if (border_[v] == kBorder) f(v, LinkFacet{next, previous, border.material, border.beyond});
+                      });
     });
   };
   std::vector<std::uint32_t> cursor(mesh_.points.size() + 1);
-  for_each_corner(
-      [&](VertexId v, std::uint32_t) { std::atomic_ref(cursor[v]).fetch_add(1, std::memory_order_relaxed); });
-  RawVector<std::uint32_t> around(exclusive_scan(std::span(cursor)));
-  for_each_corner([&](VertexId v, std::uint32_t i) {
-    around[std::atomic_ref(cursor[v]).fetch_add(1, std::memory_order_relaxed)] = i;
+  for_each_border_vertex(
+      [&](VertexId v, const LinkFacet&) { std::atomic_ref(cursor[v]).fetch_add(1, std::memory_order_relaxed); });
+  RawVector<LinkFacet> around(exclusive_scan(std::span(cursor)));
+  for_each_border_vertex([&](VertexId v, const LinkFacet& facet) {
+    around[std::atomic_ref(cursor[v]).fetch_add(1, std::memory_order_relaxed)] = facet;
   });
   // Each cursor now stands at the end of its list.
   std::vector<std::vector<MeshPinch>> found(
@@ -163,12 +165,8 @@ void MeshComponents<Dim>::find_pinches(const Execution& execution) requires(Dim 
       const std::uint32_t begin = v ? cursor[v - 1] : 0;
       if (begin == cursor[v]) continue;
       link.clear();
-      for (std::uint32_t i = begin; i < cursor[v]; ++i) {
-        const auto& [side, beyond] = facets_[around[i]];
-        const CellBlock& block = mesh_.blocks[side.block];
-        link.add_facet(topology(block.type).facets[side.facet], block.cell(side.cell), static_cast<VertexId>(v),
-                       block.materials[static_cast<std::size_t>(side.cell)], beyond);
-      }
+      for (std::uint32_t i = begin; i < cursor[v]; ++i)
+        link.add_facet(around[i].a, around[i].b, around[i].first, around[i].second);
       for (const auto& e : link.excess())
         found[static_cast<std::size_t>(part)].push_back({static_cast<VertexId>(v), e.material, e.sheets});
     }
@@ -181,13 +179,12 @@ std::vector<std::int64_t> MeshComponents<Dim>::count(const Execution& execution)
   std::vector<std::int64_t> count(mesh_.labels.size());
   const auto add = [&](MaterialId m) { std::atomic_ref(count[m]).fetch_add(1, std::memory_order_relaxed); };
   parallel_for(execution, std::ssize(border_), 1 << 16, [&](std::int64_t v) {
-    const MaterialId m = material_of_vertex_[static_cast<std::size_t>(v)];
-    if (border_[static_cast<std::size_t>(v)] != kBorder && m != kUnused && sets_.is_root(static_cast<Index>(v))) add(m);
+    const MaterialId m = material_of_part_[static_cast<std::size_t>(v)];
+    if (m != kUnused && sets_.is_root(static_cast<Index>(v))) add(m);
   });
-  for_each_near_cell(execution, [&](std::size_t b, std::int64_t c) {
-    const auto part = static_cast<Index>(first_cell_[b] + static_cast<std::size_t>(c));
-    if (sets_.is_root(part) && part_of(b, c) == part) add(mesh_.blocks[b].materials[static_cast<std::size_t>(c)]);
-  });
+  for (const auto& [b, c] : cells_at_borders_)
+    if (const Index part = part_of(b, c); is_cell(part) && sets_.is_root(part))
+      add(mesh_.blocks[b].materials[static_cast<std::size_t>(c)]);
   return count;
 }
 

@@ -2,6 +2,7 @@
 /// Connected components of the materials of a mesh.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -24,8 +25,15 @@ struct MeshPinch {
 
 /// A facet between cells of two materials, or of the hull.
 struct BorderFacet {
-  FacetSide side;     ///< one cell that has it
-  MaterialId beyond;  ///< that of the other, kOutside on the hull
+  FacetSide side;       ///< one cell that has it
+  MaterialId material;  ///< that of this cell
+  MaterialId beyond;    ///< that of the other, kOutside on the hull
+};
+
+/// One cell of a mesh.
+struct CellPlace {
+  std::uint8_t block;  ///< index into Mesh::blocks
+  std::int64_t cell;   ///< within its block
 };
 
 /// What is known of a mesh, so that less has to be looked at.
@@ -53,6 +61,8 @@ class MeshComponents {
   [[nodiscard]] bool is_inner(VertexId v) const { return border_[v] == kInside; }
   /// The component around such a vertex.
   [[nodiscard]] Index of_inner(VertexId v) const { return sets_.find(v); }
+  /// All cells without such a vertex, in their order.
+  [[nodiscard]] const std::vector<CellPlace>& cells_at_borders() const { return cells_at_borders_; }
   /// Components of each material.
   [[nodiscard]] std::vector<std::int64_t> count(const Execution& execution) const;
   /// All facets between two materials and of the hull, by their vertices in ascending order; where the mesh is known to
@@ -62,19 +72,18 @@ class MeshComponents {
   [[nodiscard]] const std::vector<MeshPinch>& pinches() const { return pinches_; }
 
  private:
-  /// What is joined: inner vertices, which stand for the cells around them, and cells without an inner vertex.
+  /// What is joined: inner vertices, which stand for the cells around them, and cells without an inner vertex. Of the
+  /// vertices of a cell the smallest, so that the root of a component is the part of one of its cells.
   [[nodiscard]] Index part_of(std::size_t block, std::int64_t cell) const {
     const VertexId* v = mesh_.blocks[block].cell(cell);
+    Index part = kNoVertex;
     for (int i = 0; i < vertex_count(mesh_.blocks[block].type); ++i)
-      if (border_[v[i]] != kBorder) return v[i];
-    return static_cast<Index>(first_cell_[block] + static_cast<std::size_t>(cell));
+      if (border_[v[i]] != kBorder) part = std::min(part, v[i]);
+    return part != kNoVertex ? part : static_cast<Index>(first_cell_[block] + static_cast<std::size_t>(cell));
   }
-  /// Calls f(block, cell) for all cells but the uniform ones, in parallel.
-  template <class F>
-  void for_each_near_cell(const Execution& execution, F&& f) const;
   [[nodiscard]] bool is_cell(Index part) const { return part >= mesh_.points.size(); }
-  void mark_interfaces(const Execution& execution);
   void mark_sides(const Vec<Dim>& far_corner, const Execution& execution);
+  void join_uniform(const Execution& execution);
   void join_inside(const Execution& execution);
   void join_at_borders(const Execution& execution);
   void find_pinches(const Execution& execution) requires(Dim < 4);
@@ -84,12 +93,15 @@ class MeshComponents {
   static constexpr std::uint8_t kBorder = 1;  // neither
   static constexpr std::uint8_t kSide = 2;    // on the box; all cells are of one material, and connected over facets
 
+  static constexpr VertexId kNoVertex = ~VertexId{0};
+
   const Mesh<Dim>& mesh_;
   const KnownOfMesh<Dim> known_;
   std::vector<std::uint8_t> border_;     // one a vertex
   std::vector<std::size_t> first_cell_;  // per block, numbered after the vertices
   SharedDisjointSets sets_;
-  std::vector<MaterialId> material_of_vertex_;  // of one of the cells around it
+  std::vector<MaterialId> material_of_part_;  // of inner vertices that are the part of some cell, else kUnused
+  std::vector<CellPlace> cells_at_borders_;
   std::vector<BorderFacet> facets_;
   std::vector<MeshPinch> pinches_;
 };

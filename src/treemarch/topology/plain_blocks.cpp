@@ -12,7 +12,7 @@ namespace treemarch {
 template <int Dim>
 PlainBlocks<Dim>::PlainBlocks(const LabelImage<Dim>& image, const UniformBlocks<Dim>& uniform, const Mesh<Dim>& mesh,
                               std::span<const BorderFacet> borders, const Execution& execution)
-    : uniform_(uniform), plain_(static_cast<std::size_t>(uniform.size())) {
+    : PlainBlocks(uniform) {
   constexpr double kSide = UniformBlocks<Dim>::kSide;
   constexpr double kSlack = 1e-3;  // voxels; far more than the tolerance of any test
   constexpr std::int64_t kWorth = 2;

@@ -23,6 +23,9 @@ class PlainBlocks {
   /// of its hull, which only may miss the sides of the image's box. \pre the points are in the inner frame of the image
   PlainBlocks(const LabelImage<Dim>& image, const UniformBlocks<Dim>& uniform, const Mesh<Dim>& mesh,
               std::span<const BorderFacet> borders, const Execution& execution);
+  /// None is plain.
+  explicit PlainBlocks(const UniformBlocks<Dim>& uniform)
+      : uniform_(uniform), plain_(static_cast<std::size_t>(uniform.size())) {}
 
   [[nodiscard]] bool operator[](std::int64_t block) const { return plain_[static_cast<std::size_t>(block)] != 0; }
   /// Material of the image in a plain block.

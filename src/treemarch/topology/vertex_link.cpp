@@ -7,17 +7,6 @@ namespace {
 
 std::size_t scatter(std::uint64_t key) { return static_cast<std::size_t>((key * 0x9e3779b97f4a7c15U) >> 40U); }
 
-std::uint64_t name_of(VertexId a, VertexId b) { return (std::uint64_t{std::min(a, b)} << 32U) | std::max(a, b); }
-
-/// Calls f(neighbour, neighbour) for the two neighbours of a vertex along the rim of a facet that has it (2D: the same
-/// one twice).
-template <class F>
-void with_neighbours(const LocalFacet& facet, const VertexId* cell, VertexId vertex, F&& f) {
-  for (int k = 0; k < facet.size; ++k)
-    if (cell[facet.vertex[k]] == vertex)
-      f(cell[facet.vertex[(k + 1) % facet.size]], cell[facet.vertex[(k + facet.size - 1) % facet.size]]);
-}
-
 }  // namespace
 
 template <int Dim>
@@ -75,15 +64,10 @@ void VertexLink<Dim>::add(CellType type, const VertexId* cell, VertexId vertex, 
     }
   }
   const CellTopology& shape = topology(type);
-  for (int f = 0; f < shape.facet_count; ++f) with_neighbours(shape.facets[f], cell, vertex, side);
-}
-
-template <int Dim>
-void VertexLink<Dim>::add_facet(const LocalFacet& facet, const VertexId* cell, VertexId vertex, MaterialId first,
-                                MaterialId second) {
-  with_neighbours(facet, cell, vertex, [&](VertexId a, VertexId b) {
-    facets_.push_back({name_of(a, b), first, second});
-  });
+  for (int f = 0; f < shape.facet_count; ++f)
+    for_each_corner(shape.facets[f], cell, [&](VertexId v, VertexId next, VertexId previous) {
+      if (v == vertex) side(next, previous);
+    });
 }
 
 template <int Dim>

@@ -2,7 +2,7 @@
 /// Whether each material touches a vertex in one piece.
 #pragma once
 
-#include <array>
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -21,9 +21,12 @@ class VertexLink {
   void clear();
   /// Adds a cell. \pre it has the vertex
   void add(CellType type, const VertexId* cell, VertexId vertex, MaterialId material);
-  /// Adds a facet between two materials, or of the hull (kOutside beyond it), instead of the cells on its sides: where
-  /// all such facets at the vertex are added, no cell is needed. \pre it has the vertex
-  void add_facet(const LocalFacet& facet, const VertexId* cell, VertexId vertex, MaterialId first, MaterialId second);
+  /// Adds a facet between two materials, or of the hull (kOutside beyond it), by the neighbours of the vertex along its
+  /// rim (2D: the same one twice), instead of the cells on its sides: where all such facets at the vertex are added, no
+  /// cell is needed.
+  void add_facet(VertexId a, VertexId b, MaterialId first, MaterialId second) {
+    facets_.push_back({name_of(a, b), first, second});
+  }
 
   struct Excess {
     MaterialId material;
@@ -39,6 +42,9 @@ class VertexLink {
     MaterialId first = kOutside, second = kOutside;
   };
   static constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
+  static std::uint64_t name_of(VertexId a, VertexId b) {
+    return (std::uint64_t{std::min(a, b)} << 32U) | std::max(a, b);
+  }
 
   void add_side(std::uint64_t key, MaterialId material);
   void grow();
