@@ -38,8 +38,10 @@ class Repairer {
   RepairReport run() {
     while (true) {
       // After the first round a uniform cell may have got another neighbour.
-      const MeshComponents<Dim> components(mesh_, execution_,
-                                           {image_.size(), report_.rounds == 0 ? options_.uniform_cells : 0});
+      const KnownOfMesh<Dim> known =
+          report_.rounds == 0 ? KnownOfMesh<Dim>{image_.size(), options_.uniform_cells, options_.at_interfaces}
+                              : KnownOfMesh<Dim>{image_.size()};
+      const MeshComponents<Dim> components(mesh_, execution_, known);
       const std::vector<MeshPinch>& pinches = components.pinches();
       std::int64_t sheets = 0;
       for (const MeshPinch& p : pinches) sheets += p.sheets;

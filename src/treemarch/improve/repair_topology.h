@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "treemarch/core/execution.h"
@@ -17,6 +18,8 @@ struct RepairOptions {
   MaterialId left_out = kOutside;  ///< of this material, which the mesh holds in part only, no component is asked for
   /// So many first cells have no vertex with a cell of another material.
   std::int64_t uniform_cells = 0;
+  /// One a vertex: 0 where all cells around it are of one material, for certain; empty where nothing is known.
+  std::span<const std::uint8_t> at_interfaces;
   int rounds = 4;  ///< of looking for breaches and mending them, at most
 };
 

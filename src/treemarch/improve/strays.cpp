@@ -75,7 +75,6 @@ template <int Dim>
 SmallPieces find_small_pieces(const LabelImage<Dim>& image, const ComponentMap& map,
                               std::span<const std::uint8_t> required, const Mesh<Dim>& mesh,
                               const MeshComponents<Dim>& components, const Execution& execution) {
-  const CellBlock& block = mesh.blocks[0];
   Marks with_inner_vertex(components.index_end());
   parallel_for(execution, std::ssize(mesh.points), kVerticesPerTask, [&](std::int64_t v) {
     if (components.is_inner(static_cast<VertexId>(v)))

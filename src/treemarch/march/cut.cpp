@@ -1,5 +1,6 @@
 #include "treemarch/march/cut.h"
 
+#include "treemarch/core/parallel.h"
 #include "treemarch/march/band.h"
 #include "treemarch/march/classify.h"
 #include "treemarch/march/emit.h"
@@ -21,6 +22,10 @@ Mesh<Dim> cut_lattice(const SimplexLattice<Dim>& lattice, const Field<Dim>& fiel
   Mesh<Dim> mesh;
   mesh.labels = image_labels;
   const EmitReport emitted = emit_pieces(lattice, band, snapped, geometry, field, mesh, execution);
+  report.at_interfaces.assign(mesh.points.size(), 1);
+  parallel_for(execution, std::ssize(lattice.vertices), 1 << 16, [&](std::int64_t v) {
+    report.at_interfaces[static_cast<std::size_t>(v)] = !snapped.labels.single(static_cast<VertexId>(v));
+  });
   report.lattice_vertices = static_cast<std::int64_t>(lattice.vertices.size());
   report.band_simplices = static_cast<std::int64_t>(band.simplices().size());
   report.far_cells = band.far_count();

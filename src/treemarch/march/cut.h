@@ -28,6 +28,8 @@ struct CutReport {
   std::int64_t band_simplices = 0;  ///< of these, near interfaces
   std::int64_t far_cells = 0;       ///< the first so many cells of the mesh are simplices of the lattice as they were;
                                     ///< their vertices have no cell of another material
+  /// One a vertex of the mesh: 0 where all cells around it are of one material, for certain.
+  std::vector<std::uint8_t> at_interfaces;
   std::int64_t cut_edges = 0, triple_points = 0, inner_points = 0;
   std::int64_t snapped_vertices = 0;
   std::int64_t retreated_points = 0;

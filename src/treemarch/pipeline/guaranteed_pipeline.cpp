@@ -120,7 +120,9 @@ Mesh<Dim> shape_mesh(const Shaping<Dim>& how, SimplexLattice<Dim>& lattice, bool
   repair.min_component = how.options.min_component;
   repair.left_out = how.left_out;
   repair.uniform_cells = report.cut.far_cells;
+  repair.at_interfaces = report.cut.at_interfaces;
   report.repair = repair_topology(mesh, how.image, repair, execution);
+  report.cut.at_interfaces = {};
   std::int64_t far_cells = report.cut.far_cells;
   if (how.left_out != kOutside) {
     const auto materials = mesh.blocks[0].materials.begin();

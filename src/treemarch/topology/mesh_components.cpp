@@ -32,7 +32,10 @@ void note(MaterialId& at, MaterialId material) {
 template <int Dim>
 MeshComponents<Dim>::MeshComponents(const Mesh<Dim>& mesh, const Execution& execution, const KnownOfMesh<Dim>& known)
     : mesh_(mesh), known_(known), border_(mesh.points.size()), material_of_part_(mesh.points.size(), kUnused) {
-  mark_interfaces(mesh, known.uniform_cells, border_, execution);
+  if (known.at_interfaces.empty())
+    mark_interfaces(mesh, known.uniform_cells, border_, execution);
+  else
+    std::ranges::copy(known.at_interfaces, border_.begin());
   if (known.fills)
     mark_sides(*known.fills, execution);
   else

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "treemarch/core/execution.h"
@@ -41,6 +42,8 @@ template <int Dim>
 struct KnownOfMesh {
   std::optional<Vec<Dim>> fills;   ///< it fills the box from the origin to this corner
   std::int64_t uniform_cells = 0;  ///< so many first cells of block 0 have no vertex with a cell of another material
+  /// One a vertex: 0 where all cells around it are of one material, for certain; empty where nothing is known.
+  std::span<const std::uint8_t> at_interfaces;
 };
 
 /// Components of the cells of each material, connected over facets, and where its boundary is no manifold. Refers to
