@@ -47,7 +47,7 @@ double facet_area(const std::array<Vec<Dim>, Dim + 1>& x, int opposite) {
   if constexpr (Dim == 2) {
     return norm(x[(opposite + 2) % 3] - x[(opposite + 1) % 3]);
   } else if constexpr (Dim == 4) {
-    return norm(inward_normals(x)[opposite]) / 6;
+    return norm(inward_normals<4>(x)[opposite]) / 6;
   } else {
     const Vec<3>& o = x[(opposite + 1) % 4];
     return norm(cross(x[(opposite + 2) % 4] - o, x[(opposite + 3) % 4] - o)) / 2;

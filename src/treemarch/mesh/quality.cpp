@@ -1,5 +1,6 @@
 #include "treemarch/mesh/quality.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -56,7 +57,7 @@ CosineRange tetrahedron_cosines(const std::array<Vec<3>, 4>& p) {
 }
 
 CosineRange pentatope_cosines(const std::array<Vec<4>, 5>& p) {
-  const std::array<Vec<4>, 5> n = inward_normals(p);
+  const std::array<Vec<4>, 5> n = inward_normals<4>(p);
   CosineRange range;
   for (int i = 0; i <= 4; ++i)
     for (int j = 0; j < i; ++j) range.add(-dot(n[i], n[j]), squared_norm(n[i]) * squared_norm(n[j]));
@@ -93,6 +94,15 @@ Vec<Dim> turned(const Frame<Dim>& frame, const Vec<Dim>& x) {
   return w;
 }
 
+/// Whether the axes of a frame are those of the world in some order and direction, so that it keeps shapes.
+template <int Dim>
+bool is_along_axes(const Frame<Dim>& frame) {
+  return std::ranges::all_of(frame.direction, [](const Vec<Dim>& axis) {
+    return std::ranges::count_if(axis, [](double x) { return std::abs(x) == 1; }) == 1 &&
+           std::ranges::count(axis, 0.0) == Dim - 1;
+  });
+}
+
 int bin(double degrees) { return std::clamp(static_cast<int>(degrees), 0, 179); }
 
 bool is_worse(const WorstCell& a, const WorstCell& b) {
@@ -104,6 +114,14 @@ bool is_worse(const WorstCell& a, const WorstCell& b) {
 void keep_worst(std::vector<WorstCell>& cells, std::size_t count) {
   std::sort(cells.begin(), cells.end(), is_worse);
   if (cells.size() > count) cells.resize(count);
+}
+
+/// Adds a cell to the worst `count`, which are among the given ones; looks at few of them.
+void add_to_worst(const WorstCell& cell, std::size_t count, std::vector<WorstCell>& cells) {
+  // In front are `count` sorted ones, if there are so many.
+  if (count == 0 || (cells.size() >= count && !is_worse(cell, cells[count - 1]))) return;
+  cells.push_back(cell);
+  if (cells.size() == count || cells.size() >= 2 * count + 64) keep_worst(cells, count);
 }
 
 void add(JacobianQuality& a, const JacobianQuality& b) {
@@ -131,11 +149,15 @@ template <int Dim>
 MeshQuality measure_block(const Mesh<Dim>& mesh, const CellBlock& block, const Frame<Dim>& frame,
                           std::size_t worst_count, const Execution& execution) {
   const int corners = vertex_count(block.type);
+  const bool turn = !is_along_axes(frame);
   auto measure_range = [&](std::int64_t begin, std::int64_t end) {
     MeshQuality q;
     for (std::int64_t c = begin; c < end; ++c) {
       std::array<Vec<Dim>, 8> p{};
-      for (int i = 0; i < corners; ++i) p[i] = turned(frame, mesh.points[block.cell(c)[i]]);
+      for (int i = 0; i < corners; ++i) {
+        const Vec<Dim>& x = mesh.points[block.cell(c)[i]];
+        p[i] = turn ? turned(frame, x) : x;
+      }
       const DegreeRange angles = cell_cosines<Dim>(p, block.type).degrees();
       q.angles.add(angles);
       ++q.smallest[bin(angles.min)];
@@ -145,8 +167,7 @@ MeshQuality measure_block(const Mesh<Dim>& mesh, const CellBlock& block, const F
         const CornerJacobians j = corner_jacobians<Dim>(p, block.type);
         add(q.jacobians[static_cast<std::size_t>(block.type)], {1, j.min_scaled, j.min_scaled, j.ratio(), j.ratio()});
       }
-      q.worst.push_back({block.type, c, angles, {}, 0});
-      if (q.worst.size() >= 4 * worst_count + 64) keep_worst(q.worst, worst_count);
+      add_to_worst({block.type, c, angles, {}, 0}, worst_count, q.worst);
     }
     keep_worst(q.worst, worst_count);
     return q;

@@ -25,18 +25,23 @@ struct AngleRange {
   [[nodiscard]] bool inverted() const { return high > 1; }
 };
 
-/// Normals of the facets of a pentatope opposite to each vertex, of a length of six times their volume: the gradients
-/// of its barycentric coordinates times 24 times its own volume. They point inwards if it is positive.
-inline std::array<Vec<4>, 5> inward_normals(const std::array<Vec<4>, 5>& p) {
-  std::array<Vec<4>, 4> edges{};
-  for (int k = 1; k <= 4; ++k) edges[k - 1] = p[k] - p[0];
-  std::array<Vec<4>, 5> n{};
-  for (int i = 1; i <= 4; ++i) {
-    for (int d = 0; d < 4; ++d) {
-      auto replaced = edges;
-      replaced[i - 1] = {};
-      replaced[i - 1][d] = 1;
-      n[i][d] = determinant<4>(replaced);
+/// Normals of the facets of a simplex opposite to each vertex, of a length of (Dim - 1)! times their measure: the
+/// gradients of its barycentric coordinates times its simplex_determinant(). They point inwards if it is positive.
+template <int Dim>
+[[nodiscard]] std::array<Vec<Dim>, Dim + 1> inward_normals(const std::array<Vec<Dim>, Dim + 1>& p) {
+  std::array<Vec<Dim>, Dim> edges{};
+  for (int k = 1; k <= Dim; ++k) edges[k - 1] = p[k] - p[0];
+  std::array<Vec<Dim>, Dim + 1> n{};
+  for (int i = 1; i <= Dim; ++i) {
+    if constexpr (Dim == 3) {
+      n[i] = cross(edges[i % 3], edges[(i + 1) % 3]);
+    } else {
+      for (int d = 0; d < Dim; ++d) {
+        auto replaced = edges;
+        replaced[i - 1] = {};
+        replaced[i - 1][d] = 1;
+        n[i][d] = determinant<Dim>(replaced);
+      }
     }
     n[0] = n[0] - n[i];
   }
@@ -68,7 +73,7 @@ inline AngleRange angles(const Vec<3>& p0, const Vec<3>& p1, const Vec<3>& p2, c
 }
 
 inline AngleRange angles(const std::array<Vec<4>, 5>& p) {
-  const std::array<Vec<4>, 5> n = inward_normals(p);
+  const std::array<Vec<4>, 5> n = inward_normals<4>(p);
   if (!(dot(p[1] - p[0], n[1]) > 0)) return {2, -2};
   AngleRange range;
   for (int i = 0; i <= 4; ++i) {

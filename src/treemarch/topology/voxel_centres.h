@@ -10,6 +10,7 @@
 
 #include "treemarch/image/label_image.h"
 #include "treemarch/image/uniform_blocks.h"
+#include "treemarch/mesh/simplex_quality.h"
 #include "treemarch/topology/simplices.h"
 
 namespace treemarch {
@@ -68,7 +69,7 @@ class VoxelCentres {
   class Inside {
    public:
     Inside(const LabelImage<Dim>& image, const Simplex<Dim>& simplex, const VoxelBox<Dim>& box)
-        : image_(image), barycentric_(simplex), box_(box) {}
+        : image_(image), simplex_(simplex), barycentric_(simplex), box_(box) {}
     [[nodiscard]] bool is_possible() const { return barycentric_.is_valid(); }
     [[nodiscard]] bool contains(const Coord<Dim>& voxel) const {
       return barycentric_.contains(image_.centre(voxel), kTolerance);
@@ -78,20 +79,20 @@ class VoxelCentres {
     bool prepare() {
       if (!is_ready_) {
         is_ready_ = true;
-        const Vec<Dim> origin = image_.centre(box_.begin);
-        double most = 0;
+        const std::array<Vec<Dim>, Dim + 1> gradient = inward_normals<Dim>(simplex_);
+        const double scale = 1 / dot(gradient[1], simplex_[1] - simplex_[0]);
+        const Vec<Dim> origin = image_.centre(box_.begin) - simplex_[0];
+        is_sound_ = true;
         for (int i = 0; i <= Dim; ++i) {
-          at_begin_[i] = barycentric_.coordinate(origin, i);
+          at_begin_[i] = dot(gradient[i], origin) * scale + (i == 0 ? 1 : 0);
           double range = std::abs(at_begin_[i]);
           for (int d = 0; d < Dim; ++d) {
-            Coord<Dim> next = box_.begin;
-            ++next[d];
-            step_[i][d] = barycentric_.coordinate(image_.centre(next), i) - at_begin_[i];
+            step_[i][d] = gradient[i][d] * scale * image_.frame.spacing[d];
             range += std::abs(step_[i][d]) * (box_.end[d] - box_.begin[d]);
           }
-          most = std::max(most, range);
+          is_sound_ &= range < kSteepest;
+          per_slope_[i] = std::abs(step_[i][0]) < kSlack / kSteepest ? 0 : 1 / step_[i][0];
         }
-        is_sound_ = most < kSteepest;
       }
       return is_sound_;
     }
@@ -104,13 +105,13 @@ class VoxelCentres {
       for (int i = 0; i <= Dim; ++i) {
         value[i] = at_begin_[i];
         for (int d = 1; d < Dim; ++d) value[i] += step_[i][d] * (first[d] - box_.begin[d]);
-        const double slope = step_[i][0];
-        if (std::abs(slope) < kSlack / kSteepest) {
+        const double per_slope = per_slope_[i];
+        if (per_slope == 0) {
           if (value[i] < -2 * kSlack) return;
-        } else if (slope > 0) {
-          low = std::max(low, (-kSlack - value[i]) / slope);
+        } else if (per_slope > 0) {
+          low = std::max(low, (-kSlack - value[i]) * per_slope);
         } else {
-          high = std::min(high, (-kSlack - value[i]) / slope);
+          high = std::min(high, (-kSlack - value[i]) * per_slope);
         }
       }
       if (low > high) return;
@@ -126,16 +127,17 @@ class VoxelCentres {
     static constexpr double kSlack = 1e-6, kSteepest = 1e6;
 
     const LabelImage<Dim>& image_;
+    const Simplex<Dim>& simplex_;
     const Barycentric<Dim> barycentric_;
     const VoxelBox<Dim> box_;
     bool is_ready_ = false, is_sound_ = false;
-    std::array<double, Dim + 1> at_begin_;
-    std::array<Vec<Dim>, Dim + 1> step_;
+    std::array<double, Dim + 1> at_begin_{}, per_slope_{};  // 0: constant along a row
+    std::array<Vec<Dim>, Dim + 1> step_{};
   };
 
   template <class Wanted, class Use>
   void visit_box(const VoxelBox<Dim>& box, Inside& inside, Wanted&& wanted, Use&& use) const {
-    constexpr std::int64_t kFew = 16;  // not worth the preparation
+    constexpr std::int64_t kFew = 4;  // not worth the preparation
     if (!inside.is_possible()) return;
     const bool by_rows = box.size() > kFew && inside.prepare();
     for_each_row(box, image_.extent, [&](Coord<Dim> c, std::int64_t at) {
