@@ -57,6 +57,8 @@ BlockBuilder<Dim>::BlockBuilder(const LabelImage<Dim>& image, const UniformBlock
       along_y_(static_cast<std::size_t>(kSide) * kSide * depth_),
       value_(kVoxels),
       second_value_(kVoxels),
+      left_(kVoxels),
+      second_left_(kVoxels),
       foreground_(static_cast<std::size_t>(side_) * depth_) {
   constexpr int kShift = VoxelLists<Dim>::kShift;
   for (int i = 0; i < kVoxels; ++i) {
@@ -92,7 +94,10 @@ void BlockBuilder<Dim>::gather_row(const T* row, std::int32_t first, int y, int 
   const std::int32_t end = std::min(first + side_, image_.extent[0]);
   std::int32_t from = first;
   T current = row[begin];
-  for (std::int32_t x = begin + 1; x < end; ++x) {
+  // Most rows are of one label, which is faster to see as a whole.
+  T differs = 0;
+  for (std::int32_t x = begin + 1; x < end; ++x) differs = static_cast<T>(differs | (row[x] ^ current));
+  for (std::int32_t x = differs == 0 ? end : begin + 1; x < end; ++x) {
     if (row[x] == current) continue;
     add_run(current, from - first, x - first, y, z);
     from = x;
@@ -146,7 +151,14 @@ bool BlockBuilder<Dim>::find_mixed_bricks() {
       for (int y = y0; y < y0 + window && !mixed; ++y)
         mixed = alone[(static_cast<std::size_t>(z) * side_ + y) * kBricksPerSide + b] != label;
     mixed_[brick] = mixed;
-    any |= mixed;
+    if (!mixed) continue;
+    const int y = brick / kBricksPerSide % kBricksPerSide * kBrick;
+    const int z = Dim == 3 ? brick / (kBricksPerSide * kBricksPerSide) * kBrick : 0;
+    rows_.y0 = any ? std::min(rows_.y0, y) : y;
+    rows_.y1 = any ? std::max(rows_.y1, y + kBrick) : y + kBrick;
+    rows_.z0 = any ? std::min(rows_.z0, z) : z;
+    rows_.z1 = any ? std::max(rows_.z1, z + (Dim == 3 ? kBrick : 1)) : z + (Dim == 3 ? kBrick : 1);
+    any = true;
   }
   return any;
 }
@@ -176,42 +188,58 @@ void BlockBuilder<Dim>::fill_own() {
   std::fill(own_weight_.begin(), own_weight_.end(), filter_.none() ? VoxelLists<Dim>::kOne : 0);
 }
 
+/// The rows of mixed bricks that are within r of a label's runs.
+template <int Dim>
+typename BlockBuilder<Dim>::Rows BlockBuilder<Dim>::rows_near(const Run* first, const Run* last, int r) const {
+  int y0 = side_;
+  int y1 = 0;
+  for (const Run* run = first; run != last; ++run) {
+    y0 = std::min<int>(y0, run->y);
+    y1 = std::max<int>(y1, run->y);
+  }
+  Rows rows{std::max(rows_.y0, y0 - halo_ - r), std::min(rows_.y1, y1 - halo_ + r + 1), 0, 1};
+  if (Dim == 3) {
+    rows.z0 = std::max(rows_.z0, first->z - halo_ - r);
+    rows.z1 = std::min(rows_.z1, (last - 1)->z - halo_ + r + 1);
+  }
+  return rows;
+}
+
 /// Convolves the indicator that the runs describe, along each axis in turn. Rows and planes without a voxel of the
 /// label are left zero between calls.
 template <int Dim>
 void BlockBuilder<Dim>::smooth(const Kernel& kernel, const Run* first, const Run* last, std::vector<float>& out) {
   const int r = kernel.radius();
-  const int z0 = first->z;
-  const int z1 = (last - 1)->z;
-  int y0 = first->y;
-  int y1 = first->y;
+  const Rows rows = rows_near(first, last, r);
+  if (rows.is_empty()) return;
+  const int halo_z = Dim == 3 ? halo_ : 0;
+  const int reach_z = Dim == 3 ? r : 0;
+  const int z0 = std::max<int>(first->z, rows.z0 + halo_z - reach_z);
+  const int z1 = std::min<int>((last - 1)->z, rows.z1 + halo_z + reach_z - 1);
   for (const Run* run = first; run != last;) {
     const int y = run->y;
     const int z = run->z;
-    y0 = std::min(y0, y);
-    y1 = std::max(y1, y);
+    if (z < z0 || z > z1 || y < rows.y0 + halo_ - r || y >= rows.y1 + halo_ + r) {
+      ++run;
+      continue;
+    }
     std::fill(line_.begin(), line_.end(), 0.0F);
     for (; run != last && run->y == y && run->z == z; ++run)
       std::fill(line_.begin() + run->x0, line_.begin() + run->x1, 1.0F);
     convolve(line_.data() + halo_, &along_x_[(static_cast<std::size_t>(z) * side_ + y) * kSide], kSide, 1, kernel);
   }
   constexpr int kPlane = kSide * kSide;
-  const int ya = std::max(0, y0 - halo_ - r);
-  const int yb = std::min(kSide, y1 - halo_ + r + 1);
-  const int n = (yb - ya) * kSide;
-  if (n <= 0) return;
+  const int n = (rows.y1 - rows.y0) * kSide;
   float* target = Dim == 3 ? along_y_.data() : out.data();
   for (int z = z0; z <= z1; ++z)
-    convolve(&along_x_[(static_cast<std::size_t>(z) * side_ + ya + halo_) * kSide], target + z * kPlane + ya * kSide, n,
-             kSide, kernel);
+    convolve(&along_x_[(static_cast<std::size_t>(z) * side_ + rows.y0 + halo_) * kSide],
+             target + z * kPlane + rows.y0 * kSide, n, kSide, kernel);
   if constexpr (Dim == 3) {
-    const int za = std::max(0, z0 - halo_ - r);
-    const int zb = std::min(kSide, z1 - halo_ + r + 1);
-    for (int z = za; z < zb; ++z)
-      convolve(&along_y_[static_cast<std::size_t>(z + halo_) * kPlane + ya * kSide], &out[z * kPlane + ya * kSide], n,
-               kPlane, kernel);
+    for (int z = rows.z0; z < rows.z1; ++z)
+      convolve(&along_y_[static_cast<std::size_t>(z + halo_) * kPlane + rows.y0 * kSide],
+               &out[z * kPlane + rows.y0 * kSide], n, kPlane, kernel);
     for (int z = z0; z <= z1; ++z)
-      std::fill_n(along_y_.begin() + static_cast<std::ptrdiff_t>(z) * kPlane + ya * kSide, n, 0.0F);
+      std::fill_n(along_y_.begin() + static_cast<std::ptrdiff_t>(z) * kPlane + rows.y0 * kSide, n, 0.0F);
   }
 }
 
@@ -219,40 +247,56 @@ template <int Dim>
 void BlockBuilder<Dim>::smooth_label(std::uint32_t label) {
   const Run* first = runs_.data() + first_run_[label];
   const Run* last = runs_.data() + first_run_[label + 1];
-  int y0 = side_;
-  int y1 = 0;
-  for (const Run* run = first; run != last; ++run) {
-    y0 = std::min<int>(y0, run->y);
-    y1 = std::max<int>(y1, run->y);
-  }
-  const int r = filter_.radius();
-  const int ya = std::max(0, y0 - halo_ - r);
-  const int yb = std::min(kSide, y1 - halo_ + r + 1);
-  const int za = Dim == 3 ? std::max(0, first->z - halo_ - r) : 0;
-  const int zb = Dim == 3 ? std::min(kSide, (last - 1)->z - halo_ + r + 1) : 1;
-  if (ya >= yb || za >= zb) return;
+  const Rows rows = rows_near(first, last, filter_.radius());
+  if (rows.is_empty()) return;
   // The two kernels reach differently far: what only one of them fills must be zero for the other.
-  for (int z = za; z < zb; ++z) {
-    std::fill_n(value_.begin() + (z * kSide + ya) * kSide, (yb - ya) * kSide, 0.0F);
-    std::fill_n(second_value_.begin() + (z * kSide + ya) * kSide, (yb - ya) * kSide, 0.0F);
-  }
+  for_rows(rows, [&](int begin, int n) {
+    std::fill_n(value_.begin() + begin, n, 0.0F);
+    std::fill_n(second_value_.begin() + begin, n, 0.0F);
+  });
   smooth(filter_.first, first, last, value_);
   if (!filter_.second.tap.empty()) smooth(filter_.second, first, last, second_value_);
   for (const Run* run = first; run != last; ++run)
     std::fill_n(along_x_.begin() + (static_cast<std::ptrdiff_t>(run->z) * side_ + run->y) * kSide, kSide, 0.0F);
-  collect(label, ya, yb, za, zb);
+  for_rows(rows, [&](int begin, int n) {
+    for (int i = begin; i < begin + n; ++i) {
+      left_[i] -= value_[i];
+      second_left_[i] -= second_value_[i];
+    }
+  });
+  collect(label, rows);
+}
+
+/// Smooths all labels but the one with the most runs: the indicators add up to one, and so do their smoothed values,
+/// which are whole numbers.
+template <int Dim>
+void BlockBuilder<Dim>::smooth_labels() {
+  constexpr float kAll = 1U << 24;
+  for_rows(rows_, [&](int begin, int n) {
+    std::fill_n(left_.begin() + begin, n, kAll);
+    std::fill_n(second_left_.begin() + begin, n, filter_.second.tap.empty() ? 0.0F : kAll);
+  });
+  const auto runs = [&](std::uint32_t l) { return first_run_[l + 1] - first_run_[l]; };
+  std::uint32_t largest = 0;
+  for (std::uint32_t l = 1; l < palette_.size(); ++l)
+    if (runs(l) > runs(largest)) largest = l;
+  for (std::uint32_t l = 0; l < palette_.size(); ++l)
+    if (l != largest) smooth_label(l);
+  for_rows(rows_, [&](int begin, int n) {
+    std::copy_n(left_.begin() + begin, n, value_.begin() + begin);
+    std::copy_n(second_left_.begin() + begin, n, second_value_.begin() + begin);
+  });
+  collect(largest, rows_);
 }
 
 /// Turns the dense values of a label into entries of the voxels of mixed lists.
 template <int Dim>
-void BlockBuilder<Dim>::collect(std::uint32_t label, int y0, int y1, int z0, int z1) {
+void BlockBuilder<Dim>::collect(std::uint32_t label, const Rows& rows) {
   constexpr float kToUnit = static_cast<float>(VoxelLists<Dim>::kOne) / (1U << 24);
-  for (int z = z0; z < z1; ++z) {
-    const int begin = (z * kSide + y0) * kSide;
-    const int end = (z * kSide + y1) * kSide;
-    for (int i = begin; i < end; ++i)
+  for_rows(rows, [&](int begin, int n) {
+    for (int i = begin; i < begin + n; ++i)
       value_[i] = std::clamp((filter_.scale * value_[i] - second_value_[i]) * kToUnit + 0.5F, 0.0F, 65535.0F);
-    for (int i = begin; i < end; ++i) {
+    for (int i = begin; i < begin + n; ++i) {
       const auto weight = static_cast<std::uint32_t>(value_[i]);
       const std::uint16_t place = place_of_[i];
       if (own_[place] == label)
@@ -260,7 +304,7 @@ void BlockBuilder<Dim>::collect(std::uint32_t label, int y0, int y1, int z0, int
       else if (weight >= kLeastWeight && mixed_[place / VoxelLists<Dim>::kVoxels])
         items_.push_back({make_word(label, weight), place});
     }
-  }
+  });
 }
 
 /// Counting sort by place; within a place the order of the labels stays.
@@ -428,7 +472,7 @@ void BlockBuilder<Dim>::build(const Coord<Dim>& block, std::uint32_t chunk_id, V
                                                                           << run.x0;
     }
     sort_runs();
-    for (std::uint32_t l = 0; l < palette_.size(); ++l) smooth_label(l);
+    smooth_labels();
   }
   if (any_mixed) sort_items();
   if (!any_mixed) first_item_.assign(kVoxels + 1, 0);

@@ -57,6 +57,11 @@ class BlockBuilder {
     std::uint32_t label;
     std::int16_t x0, x1, y, z;
   };
+  /// Voxels of the block along the second and third axis, whole rows of the first.
+  struct Rows {
+    int y0, y1, z0, z1;
+    [[nodiscard]] bool is_empty() const { return y0 >= y1 || z0 >= z1; }
+  };
   struct Item {
     std::uint32_t word;
     std::uint16_t place;
@@ -70,9 +75,16 @@ class BlockBuilder {
   bool find_mixed_bricks();
   void sort_runs();
   void fill_own();
+  /// Calls f(first voxel, count) for the rows of each plane.
+  template <class F>
+  static void for_rows(const Rows& rows, F&& f) {
+    for (int z = rows.z0; z < rows.z1; ++z) f((z * kSide + rows.y0) * kSide, (rows.y1 - rows.y0) * kSide);
+  }
+  Rows rows_near(const Run* first, const Run* last, int r) const;
+  void smooth_labels();
   void smooth_label(std::uint32_t label);
   void smooth(const Kernel& kernel, const Run* first, const Run* last, std::vector<float>& out);
-  void collect(std::uint32_t label, int y0, int y1, int z0, int z1);
+  void collect(std::uint32_t label, const Rows& rows);
   void sort_items();
   void mix_grey(const Coord<Dim>& voxel, std::vector<std::uint32_t>& entries);
   bool near_border_of_foreground(int x, int y, int z) const;
@@ -103,7 +115,9 @@ class BlockBuilder {
   std::vector<std::uint32_t> entries_;      // of one voxel
   std::vector<std::uint32_t> lists_;        // entries of one brick
   std::array<std::uint32_t, 64> list_end_;  // of each voxel in lists_
+  Rows rows_{};                             // of the mixed bricks
   std::vector<float> line_, along_x_, along_y_, value_, second_value_;
+  std::vector<float> left_, second_left_;  // for the labels that are not smoothed yet
   std::vector<std::uint64_t> foreground_;  // a bit a voxel, one word a row of the block with its halo
 };
 
