@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <random>
+#include <vector>
 
 #include "improve/improve_meshes.h"
 
@@ -21,7 +23,25 @@ void check_stars(const LabelImage<Dim>& image) {
   StarCheck<Dim> check;
   int good = 0, bad = 0;
   for (const VertexId v : all) {
-    check.gather(patch, v);
+    std::vector<std::array<VertexId, Dim>> cells;
+    for (const CellId c : patch.star(v)) {
+      cells.push_back(others_of<Dim>(patch.cell(c), v));
+      std::array<Vec<Dim>, Dim> edges;
+      for (int k = 0; k < Dim; ++k) edges[k] = patch.point(cells.back()[k]) - patch.point(v);
+      EXPECT_GT(determinant<Dim>(edges), 0);
+    }
+    check.gather(cut.mesh.points, cells);
+    const auto [low, high] = check.bounds();
+    for (int d = 0; d < Dim; ++d) {
+      double least = 1e9, most = -1e9;
+      for (const auto& cell : cells)
+        for (const VertexId w : cell) {
+          least = std::min(least, patch.point(w)[d]);
+          most = std::max(most, patch.point(w)[d]);
+        }
+      EXPECT_EQ(low[d], least);
+      EXPECT_EQ(high[d], most);
+    }
     for (int trial = 0; trial < 8; ++trial) {
       const SquaredQualityBound bound(QualityBound(5 + 5 * (trial % 4)));
       Vec<Dim> x = patch.point(v);

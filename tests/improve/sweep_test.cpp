@@ -18,15 +18,24 @@ std::vector<Vec<3>> smoothed(const testing::CutImage<3>& cut, const std::vector<
   std::vector<VertexId> sorted = vertices;
   std::ranges::sort(sorted);
   Patch<3> patch(mesh, sorted, execution);
-  const auto place = [&](VertexId v, Vec<3>& x) {
+  std::vector<std::uint32_t> place(mesh.points.size(), 0xffffffffU);
+  for (std::size_t i = 0; i < vertices.size(); ++i) place[vertices[i]] = static_cast<std::uint32_t>(i);
+  const Turns turns(vertices, execution, [&](std::int64_t i, const auto& add) {
+    for (const CellId c : patch.star(vertices[i]))
+      for (const VertexId w : patch.cell(c))
+        if (place[w] != 0xffffffffU) add(place[w]);
+  });
+  const auto move = [&](std::uint32_t i) {
+    const VertexId v = vertices[i];
     Vec<3> sum{};
     for (const CellId c : patch.star(v)) sum = sum + patch.centroid(c);
-    x = 0.5 * patch.point(v) + (0.5 / static_cast<double>(patch.star(v).size())) * sum;
-    return v % 7 != 0;
+    if (v % 7 == 0) return false;
+    patch.move(v, 0.5 * patch.point(v) + (0.5 / static_cast<double>(patch.star(v).size())) * sum);
+    return true;
   };
   std::int64_t expected = 0;
   for (std::size_t i = 0; i < vertices.size(); ++i) expected += wanted[i] != 0 && vertices[i] % 7 != 0;
-  EXPECT_EQ(sweep(patch, Turns<3>(patch, vertices, execution), wanted, execution, place), expected);
+  EXPECT_EQ(sweep(turns, wanted, execution, move), expected);
   return mesh.points;
 }
 

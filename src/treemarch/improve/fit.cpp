@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 #include <utility>
 #include <vector>
 
+#include "treemarch/core/error.h"
 #include "treemarch/core/parallel.h"
+#include "treemarch/core/raw_vector.h"
 #include "treemarch/core/solve.h"
 #include "treemarch/improve/patch.h"
 #include "treemarch/improve/star_check.h"
@@ -18,7 +21,6 @@ namespace treemarch {
 namespace {
 
 constexpr std::int64_t kBlock = 1024;
-constexpr std::uint32_t kNone = 0xffffffffU;
 constexpr int kMostParts = 6;  // samples along an edge
 constexpr int kRounds = 2, kSweeps = 2;
 constexpr double kStiffness = 0.02;  // of a vertex against moves that its facets do not ask for
@@ -29,19 +31,33 @@ constexpr double kLeast = 0.07;                // shorter moves are left out
 template <int Dim>
 constexpr double kPart = Dim == 2 ? 1 : 1.4;  // between samples, up to kMostParts of them
 
-/// A facet and what the samples on it say. The interface is at distance t along the normal from a sample with shares s
-/// of the corners; corners that move by d_k change it to t - sum_k s_k normal.d_k.
+constexpr std::uint32_t kNone = 0xffffffffU;
+
 template <int Dim>
 struct Facet {
   std::array<VertexId, Dim> v;
-  Vec<Dim> normal{};                                    ///< from first to second
-  std::array<double, Dim> place{};                      ///< of the corners along the normal
-  std::array<double, Dim> pull{};                       ///< sum of t s_k
-  std::array<std::array<double, Dim>, Dim> coupling{};  ///< sum of s_k s_j
-  double weight = 0, squares = 0;                       ///< area that the samples stand for, and sum of t^2
-  double voxel = 0;                                     ///< extent of a voxel along the normal
-  MaterialId first, second;                             ///< ascending
-  bool flipped = false;                                 ///< whether the normal of the corners in order is the other one
+  std::array<std::uint32_t, Dim> link;  ///< of the corner, kNone if it does not move
+  MaterialId first, second;             ///< ascending
+  bool flipped = false;                 ///< whether the normal of the corners in order is the one to `first`
+};
+
+/// A facet as it is measured.
+template <int Dim>
+struct Shape {
+  MaterialId first, second;
+  Vec<Dim> normal{};  ///< from first to second
+  double voxel = 0;   ///< extent of a voxel along the normal
+  double limit = 0;   ///< of the distances that are looked for
+};
+
+/// What the samples on a facet say to one of its corners. The interface is at distance t along the normal from a sample
+/// with shares s_k of the corners; corners that move by d_k change it to t - sum_k s_k normal.d_k.
+template <int Dim>
+struct Link {
+  std::array<float, Dim> normal{};
+  std::array<float, Dim> coupling{};           ///< sum of s_0 s_k, the own corner first; times the area of a sample
+  float pull = 0;                              ///< sum of t s_0
+  std::array<std::uint32_t, Dim - 1> other{};  ///< places of the other corners, kNone if they do not move
 };
 
 Vec<2> area_normal(const std::array<Vec<2>, 2>& p) { return {p[1][1] - p[0][1], p[0][0] - p[1][0]}; }
@@ -85,15 +101,19 @@ class Fitter {
     if (facets_.empty()) return report_;
     Patch<Dim> patch(mesh_, std::move(chosen_), execution_);
     patch.guard(options_.anchors);
-    link(patch);
-    const Turns<Dim> turns(patch, order_, execution_);
+    link();
+    gather_cells(patch);
+    const Turns turns(order_, execution_, [&](std::int64_t i, const auto& add) {
+      for (const auto& cell : cells_of(i))
+        for (const VertexId w : cell)
+          if (rank_[w] != kNone) add(rank_[w]);
+    });
     report_.facets = static_cast<std::int64_t>(facets_.size());
     for (int round = 0; round < kRounds; ++round) {
       measure();
       if (round == 0) report_.rms_before = rms();
       for (int s = 0; s < kSweeps; ++s)
-        report_.moves += sweep(patch, turns, restless(patch), execution_,
-                               [&](VertexId v, Vec<Dim>& x) { return find_place(patch, v, x); });
+        report_.moves += sweep(turns, restless(), execution_, [&](std::uint32_t i) { return move(patch, i); });
     }
     report_.rms_after = rms();
     return report_;
@@ -105,15 +125,22 @@ class Fitter {
   void sort_by_place();
   [[nodiscard]] double sharpness_of(double longest) const;
   [[nodiscard]] bool lies_on_box(const std::array<Vec<Dim>, Dim>& p) const;
-  void link(const Patch<Dim>& patch);
+  void link();
+  void gather_cells(const Patch<Dim>& patch);
+  [[nodiscard]] std::span<const std::array<VertexId, Dim>> cells_of(std::int64_t place) const {
+    return std::span(cells_).subspan(first_cell_[place], first_cell_[place + 1] - first_cell_[place]);
+  }
+  [[nodiscard]] std::span<const Link<Dim>> links_of(std::int64_t place) const {
+    return std::span(links_).subspan(first_link_[place], first_link_[place + 1] - first_link_[place]);
+  }
   void measure();
-  void measure(Facet<Dim>& f) const;
+  std::array<double, 2> measure(const Facet<Dim>& f);
   [[nodiscard]] double rms() const;
-  bool to_field(const Facet<Dim>& f, const Vec<Dim>& x, double limit, double& t) const;
-  bool to_voxels(const Facet<Dim>& f, const Vec<Dim>& x, double limit, double& t) const;
-  [[nodiscard]] Vec<Dim> wish_of(const Patch<Dim>& patch, VertexId v) const;
-  [[nodiscard]] std::vector<std::uint8_t> restless(const Patch<Dim>& patch) const;
-  bool find_place(const Patch<Dim>& patch, VertexId v, Vec<Dim>& x) const;
+  bool to_field(const Shape<Dim>& f, const Vec<Dim>& x, double& t) const;
+  bool to_voxels(const Shape<Dim>& f, const Vec<Dim>& x, double& t) const;
+  [[nodiscard]] Vec<Dim> wish_of(std::int64_t place) const;
+  [[nodiscard]] std::vector<std::uint8_t> restless() const;
+  bool move(Patch<Dim>& patch, std::uint32_t place);
 
   Mesh<Dim>& mesh_;
   const Field<Dim>& field_;
@@ -124,10 +151,14 @@ class Fitter {
   double voxel_ = 1, largest_voxel_ = 1;
   std::array<std::vector<std::array<double, Dim>>, kMostParts + 1> samples_;
   std::vector<VertexId> chosen_, order_;  // ascending, and by their place in space
-  std::vector<std::uint32_t> source_;     // the facets in the order of extract_interfaces()
+  std::vector<std::uint32_t> rank_;       // place in order_ of each vertex of the mesh, or kNone
   std::vector<Facet<Dim>> facets_;
-  std::vector<std::int64_t> first_link_;                       // per slot of the patch
-  std::vector<std::pair<std::uint32_t, std::uint8_t>> links_;  // facet and corner
+  std::array<double, 2> measured_{};  // area that the samples stand for, and sum of t^2
+  // By places in order_:
+  std::vector<std::size_t> first_link_, first_cell_;
+  std::vector<Link<Dim>> links_;
+  RawVector<std::array<VertexId, Dim>> cells_;  // around a vertex, without it
+  std::vector<Vec<Dim>> moved_;                 // since measure()
   FitReport report_;
 };
 
@@ -181,14 +212,14 @@ void Fitter<Dim>::find_facets() {
     if (excess[v] > 0) chosen_.push_back(static_cast<VertexId>(v));
   sort_by_place();
 
-  std::vector<std::uint32_t> rank(mesh_.points.size(), kNone);
-  for (std::size_t i = 0; i < order_.size(); ++i) rank[order_[i]] = static_cast<std::uint32_t>(i);
+  rank_.assign(mesh_.points.size(), kNone);
+  for (std::size_t i = 0; i < order_.size(); ++i) rank_[order_[i]] = static_cast<std::uint32_t>(i);
   // Where a facet goes: to the first of its vertices.
   std::vector<std::uint32_t> next(order_.size() + 1, 0);
   const auto first_of = [&](std::int64_t i) {
     std::uint32_t first = kNone;
     if (above[i] != kLeftOut)
-      for (int k = 0; k < Dim; ++k) first = std::min(first, rank[block.vertices[i * Dim + k]]);
+      for (int k = 0; k < Dim; ++k) first = std::min(first, rank_[block.vertices[i * Dim + k]]);
     return first;
   };
   for (std::int64_t i = 0; i < block.size(); ++i)
@@ -197,7 +228,6 @@ void Fitter<Dim>::find_facets() {
   for (std::int64_t i = 0; i < block.size(); ++i) {
     const std::uint32_t first = first_of(i);
     if (first == kNone) continue;
-    source_.push_back(next[first]);
     Facet<Dim>& f = facets_[next[first]++];
     std::copy_n(block.vertices.begin() + i * Dim, Dim, f.v.begin());
     f.first = block.first[i];
@@ -235,36 +265,53 @@ bool Fitter<Dim>::lies_on_box(const std::array<Vec<Dim>, Dim>& p) const {
 }
 
 template <int Dim>
-void Fitter<Dim>::link(const Patch<Dim>& patch) {
-  first_link_.assign(patch.chosen().size() + 1, 0);
+void Fitter<Dim>::link() {
+  first_link_.assign(order_.size() + 1, 0);
   for (const auto& f : facets_)
     for (const VertexId v : f.v)
-      if (patch.has_star(v)) ++first_link_[patch.slot(v) + 1];
-  for (std::size_t s = 1; s < first_link_.size(); ++s) first_link_[s] += first_link_[s - 1];
-  links_.resize(static_cast<std::size_t>(first_link_.back()));
-  std::vector<std::int64_t> next = first_link_;
-  for (const std::uint32_t i : source_)
-    for (int k = 0; k < Dim; ++k)
-      if (patch.has_star(facets_[i].v[k]))
-        links_[next[patch.slot(facets_[i].v[k])]++] = {i, static_cast<std::uint8_t>(k)};
+      if (rank_[v] != kNone) ++first_link_[rank_[v]];
+  links_.resize(exclusive_scan(std::span(first_link_)));
+  if (links_.size() >= kNone)
+    throw Error(ErrorKind::limits, "mesh: too many facets of interfaces; choose larger cells");
+  std::vector<std::size_t> next = first_link_;
+  for (auto& f : facets_)
+    for (int k = 0; k < Dim; ++k) {
+      const std::uint32_t place = rank_[f.v[k]];
+      f.link[k] = place == kNone ? kNone : static_cast<std::uint32_t>(next[place]++);
+      if (place == kNone) continue;
+      for (int j = 1; j < Dim; ++j) links_[f.link[k]].other[j - 1] = rank_[f.v[(k + j) % Dim]];
+    }
+}
+
+template <int Dim>
+void Fitter<Dim>::gather_cells(const Patch<Dim>& patch) {
+  first_cell_.assign(order_.size() + 1, 0);
+  for (std::size_t i = 0; i < order_.size(); ++i) first_cell_[i] = patch.star(order_[i]).size();
+  cells_.resize(exclusive_scan(std::span(first_cell_)));
+  // The cells come by the numbers of vertices.
+  const std::vector<VertexId>& chosen = patch.chosen();
+  parallel_for(execution_, std::ssize(chosen), kBlock, [&](std::int64_t i) {
+    auto to = cells_.begin() + static_cast<std::ptrdiff_t>(first_cell_[rank_[chosen[i]]]);
+    for (const CellId c : patch.star(chosen[i])) *to++ = others_of<Dim>(patch.cell(c), chosen[i]);
+  });
 }
 
 /// Distance to where the two materials weigh the same, by secants. Weights change by about 1 over a voxel.
 template <int Dim>
-bool Fitter<Dim>::to_field(const Facet<Dim>& f, const Vec<Dim>& x, double limit, double& t) const {
+bool Fitter<Dim>::to_field(const Shape<Dim>& f, const Vec<Dim>& x, double& t) const {
   constexpr double kFlat = 0.8;  // differences above tell a side, but no distance
   double low = 0, d_low = field_.difference(x, f.first, f.second);
   const double sign = d_low > 0 ? 1 : -1;
   double step = std::clamp(std::abs(d_low), 0.1, 0.9) * f.voxel;
   while (d_low != 0) {
     const double high = low + sign * step;
-    if (std::abs(high) > limit) return false;
+    if (std::abs(high) > f.limit) return false;
     const double d_high = field_.difference(x + high * f.normal, f.first, f.second);
     const bool crossed = d_high * sign <= 0;
     const bool steep = std::abs(d_low) < kFlat && std::abs(d_low - d_high) > 0.25 * step / f.voxel;
     if (crossed || steep) {
       t = low + (high - low) * d_low / (d_low - d_high);
-      if (std::abs(t - high) < f.voxel) return std::abs(t) <= limit;
+      if (std::abs(t - high) < f.voxel) return std::abs(t) <= f.limit;
     }
     low = high;
     d_low = d_high;
@@ -275,7 +322,7 @@ bool Fitter<Dim>::to_field(const Facet<Dim>& f, const Vec<Dim>& x, double limit,
 
 /// Distance to where the voxels of one material end and those of the other begin.
 template <int Dim>
-bool Fitter<Dim>::to_voxels(const Facet<Dim>& f, const Vec<Dim>& x, double limit, double& t) const {
+bool Fitter<Dim>::to_voxels(const Shape<Dim>& f, const Vec<Dim>& x, double& t) const {
   const auto side = [&](const Vec<Dim>& y) {
     const MaterialId m = field_.voxel_label(y);
     return m == f.first ? 1 : m == f.second ? -1 : 0;
@@ -284,7 +331,7 @@ bool Fitter<Dim>::to_voxels(const Facet<Dim>& f, const Vec<Dim>& x, double limit
   if (start == 0) return false;
   const double step = 0.5 * f.voxel * start;
   double low = 0;
-  for (int i = 1; std::abs(i * step) <= limit; ++i) {
+  for (int i = 1; std::abs(i * step) <= f.limit; ++i) {
     const int here = side(x + (i * step) * f.normal);
     if (here == start) {
       low = i * step;
@@ -311,95 +358,122 @@ double Fitter<Dim>::sharpness_of(double longest) const {
   return part * std::sqrt(part);
 }
 
+/// Fills the links of a facet; returns the area that its samples stand for, and the sum of t^2.
 template <int Dim>
-void Fitter<Dim>::measure(Facet<Dim>& f) const {
+std::array<double, 2> Fitter<Dim>::measure(const Facet<Dim>& f) {
   std::array<Vec<Dim>, Dim> p;
   for (int k = 0; k < Dim; ++k) p[k] = mesh_.points[f.v[k]];
   const double longest = std::sqrt(longest_edge2<Dim>(p));
-  f.normal = (f.flipped ? -1.0 : 1.0) * area_normal(p);
-  const double area = norm(f.normal);
-  f.normal = (1 / area) * f.normal;
+  Shape<Dim> shape{f.first, f.second, (f.flipped ? -1.0 : 1.0) * area_normal(p)};
+  const double area = norm(shape.normal);
+  shape.normal = (1 / area) * shape.normal;
   double per_voxel = 0;
-  for (int d = 0; d < Dim; ++d) per_voxel += std::pow(f.normal[d] / field_.spacing()[d], 2);
-  f.voxel = 1 / std::sqrt(per_voxel);
-  f.weight = f.squares = 0;
-  f.pull = {};
-  f.coupling = {};
-  for (int k = 0; k < Dim; ++k) f.place[k] = dot(f.normal, p[k]);
+  for (int d = 0; d < Dim; ++d) per_voxel += std::pow(shape.normal[d] / field_.spacing()[d], 2);
+  shape.voxel = 1 / std::sqrt(per_voxel);
+  shape.limit = std::max(1.5 * shape.voxel, 0.5 * longest);
   const double sharpness = sharpness_of(longest);
   const auto& samples =
       samples_[std::clamp(static_cast<int>(std::ceil(longest / (kPart<Dim> * voxel_))), 1, kMostParts)];
-  const double weight = area / static_cast<double>(samples.size());
-  const double limit = std::max(1.5 * f.voxel, 0.5 * longest);
+  double count = 0, squares = 0;
+  std::array<double, Dim> pull{};
+  std::array<std::array<double, Dim>, Dim> coupling{};
   for (const auto& share : samples) {
     Vec<Dim> x{};
     for (int k = 0; k < Dim; ++k) x = x + share[k] * p[k];
     double smooth = 0, sharp = 0;
-    if (sharpness < 1 && !to_field(f, x, limit, smooth)) continue;
-    if (sharpness > 0 && !to_voxels(f, x, limit, sharp)) continue;
+    if (sharpness < 1 && !to_field(shape, x, smooth)) continue;
+    if (sharpness > 0 && !to_voxels(shape, x, sharp)) continue;
     const double t = smooth + sharpness * (sharp - smooth);
-    f.weight += weight;
-    f.squares += weight * t * t;
+    ++count;
+    squares += t * t;
     for (int k = 0; k < Dim; ++k) {
-      f.pull[k] += weight * t * share[k];
-      for (int j = 0; j < Dim; ++j) f.coupling[k][j] += weight * share[k] * share[j];
+      pull[k] += t * share[k];
+      for (int j = 0; j < Dim; ++j) coupling[k][j] += share[k] * share[j];
     }
   }
+  const double weight = area / static_cast<double>(samples.size());
+  for (int k = 0; k < Dim; ++k) {
+    if (f.link[k] == kNone) continue;
+    Link<Dim>& link = links_[f.link[k]];
+    for (int d = 0; d < Dim; ++d) link.normal[d] = static_cast<float>(shape.normal[d]);
+    for (int j = 0; j < Dim; ++j) link.coupling[j] = static_cast<float>(weight * coupling[k][(k + j) % Dim]);
+    link.pull = static_cast<float>(weight * pull[k]);
+  }
+  return {weight * count, weight * squares};
 }
 
 template <int Dim>
 void Fitter<Dim>::measure() {
-  parallel_for(execution_, static_cast<std::int64_t>(facets_.size()), kBlock,
-               [&](std::int64_t i) { measure(facets_[static_cast<std::size_t>(i)]); });
+  using Sums = std::array<double, 2>;
+  measured_ = parallel_reduce(
+      execution_, std::ssize(facets_), kBlock, Sums{},
+      [&](std::int64_t begin, std::int64_t end) {
+        Sums sums{};
+        for (std::int64_t i = begin; i < end; ++i) {
+          const Sums one = measure(facets_[static_cast<std::size_t>(i)]);
+          sums[0] += one[0];
+          sums[1] += one[1];
+        }
+        return sums;
+      },
+      [](const Sums& a, const Sums& b) {
+        return Sums{a[0] + b[0], a[1] + b[1]};
+      });
+  moved_.assign(order_.size(), {});
+}
+
+/// A move along the normal.
+template <int Dim>
+double along(const Link<Dim>& link, const Vec<Dim>& x) {
+  double sum = 0;
+  for (int d = 0; d < Dim; ++d) sum += link.normal[d] * x[d];
+  return sum;
+}
+
+/// Sum over the samples of s_0 sum_k s_k normal.d_k.
+template <int Dim>
+double pushed(const Link<Dim>& link, const Vec<Dim>& own, const std::vector<Vec<Dim>>& moved) {
+  double sum = link.coupling[0] * along(link, own);
+  for (int j = 1; j < Dim; ++j)
+    if (link.other[j - 1] != kNone) sum += link.coupling[j] * along(link, moved[link.other[j - 1]]);
+  return sum;
 }
 
 /// The distances of all samples, as the moves since measure() have changed them.
 template <int Dim>
 double Fitter<Dim>::rms() const {
-  using Sums = std::array<double, 2>;
-  const Sums sums = parallel_reduce(
-      execution_, static_cast<std::int64_t>(facets_.size()), kBlock, Sums{},
-      [&](std::int64_t begin, std::int64_t end) {
-        Sums s{};
-        for (std::int64_t i = begin; i < end; ++i) {
-          const Facet<Dim>& f = facets_[static_cast<std::size_t>(i)];
-          std::array<double, Dim> moved;
-          for (int k = 0; k < Dim; ++k) moved[k] = dot(f.normal, mesh_.points[f.v[k]]) - f.place[k];
-          s[0] += f.weight;
-          s[1] += f.squares;
-          for (int k = 0; k < Dim; ++k) {
-            s[1] -= 2 * f.pull[k] * moved[k];
-            for (int j = 0; j < Dim; ++j) s[1] += f.coupling[k][j] * moved[k] * moved[j];
-          }
-        }
-        return s;
-      },
-      [](const Sums& a, const Sums& b) {
-        return Sums{a[0] + b[0], a[1] + b[1]};
+  const double change =
+      parallel_reduce(execution_, std::ssize(order_), kBlock, 0.0, [&](std::int64_t begin, std::int64_t end) {
+        double sum = 0;
+        for (std::int64_t i = begin; i < end; ++i)
+          for (const Link<Dim>& link : links_of(i))
+            sum += along(link, moved_[i]) * (pushed(link, moved_[i], moved_) - 2 * link.pull);
+        return sum;
       });
-  return sums[0] > 0 ? std::sqrt(std::max(0.0, sums[1]) / sums[0]) : 0;
+  return measured_[0] > 0 ? std::sqrt(std::max(0.0, measured_[1] + change) / measured_[0]) : 0;
 }
 
 /// The move that fits the facets around a vertex best while its neighbours stay.
 template <int Dim>
-Vec<Dim> Fitter<Dim>::wish_of(const Patch<Dim>& patch, VertexId v) const {
+Vec<Dim> Fitter<Dim>::wish_of(std::int64_t place) const {
   std::array<Vec<Dim>, Dim> matrix{};
   Vec<Dim> wish{};
-  const std::int64_t slot = patch.slot(v);
-  for (std::int64_t i = first_link_[slot]; i < first_link_[slot + 1]; ++i) {
-    const Facet<Dim>& f = facets_[links_[i].first];
-    const int k = links_[i].second;
-    double pull = f.pull[k];
-    for (int j = 0; j < Dim; ++j) pull -= f.coupling[k][j] * (dot(f.normal, patch.point(f.v[j])) - f.place[j]);
+  const Vec<Dim>& own = moved_[place];
+  for (const Link<Dim>& link : links_of(place)) {
+    const double pull = link.pull - pushed(link, own, moved_);
     for (int a = 0; a < Dim; ++a) {
-      wish[a] += pull * f.normal[a];
-      for (int b = 0; b < Dim; ++b) matrix[a][b] += f.coupling[k][k] * f.normal[a] * f.normal[b];
+      wish[a] += pull * link.normal[a];
+      const double part = link.coupling[0] * link.normal[a];
+      for (int b = 0; b <= a; ++b) matrix[a][b] += part * link.normal[b];
     }
   }
   double trace = 0;
-  for (int a = 0; a < Dim; ++a) trace += matrix[a][a];
+  for (int a = 0; a < Dim; ++a) {
+    trace += matrix[a][a];
+    for (int b = 0; b < a; ++b) matrix[b][a] = matrix[a][b];
+  }
   if (trace == 0) return {};
-  const unsigned fixed = box_axes(patch.point(v), box_);
+  const unsigned fixed = box_axes(mesh_.points[order_[place]], box_);
   for (int a = 0; a < Dim; ++a) {
     matrix[a][a] += kStiffness * trace;
     if ((fixed >> a & 1) == 0) continue;
@@ -412,26 +486,33 @@ Vec<Dim> Fitter<Dim>::wish_of(const Patch<Dim>& patch, VertexId v) const {
 
 /// Which of the chosen vertices want to move, in the order by place.
 template <int Dim>
-std::vector<std::uint8_t> Fitter<Dim>::restless(const Patch<Dim>& patch) const {
+std::vector<std::uint8_t> Fitter<Dim>::restless() const {
   std::vector<std::uint8_t> wants(order_.size());
-  parallel_for(execution_, std::ssize(order_), kBlock, [&](std::int64_t i) {
-    wants[i] = squared_norm(wish_of(patch, order_[i])) > kLeast * kLeast * voxel_ * voxel_;
-  });
+  parallel_for(execution_, std::ssize(order_), kBlock,
+               [&](std::int64_t i) { wants[i] = squared_norm(wish_of(i)) > kLeast * kLeast * voxel_ * voxel_; });
   return wants;
 }
 
 template <int Dim>
-bool Fitter<Dim>::find_place(const Patch<Dim>& patch, VertexId v, Vec<Dim>& x) const {
-  const Vec<Dim> move = wish_of(patch, v), here = patch.point(v);
-  if (squared_norm(move) <= kLeast * kLeast * voxel_ * voxel_) return false;
+bool Fitter<Dim>::move(Patch<Dim>& patch, std::uint32_t place) {
+  const VertexId v = order_[place];
+  const Vec<Dim> wish = wish_of(place), here = patch.point(v);
+  if (squared_norm(wish) <= kLeast * kLeast * voxel_ * voxel_) return false;
   const unsigned fixed = box_axes(here, box_);
   thread_local StarCheck<Dim> cells;
-  cells.gather(patch, v);
+  cells.gather(mesh_.points, cells_of(place));
   for (const double part : {1.0, 0.6, 0.3}) {
-    x = here + part * move;
+    Vec<Dim> x = here + part * wish;
     for (int a = 0; a < Dim; ++a)
       if ((fixed >> a & 1) != 0) x[a] = here[a];
-    if (cells.all_meet(x, target_)) return true;
+    if (!cells.all_meet(x, target_)) continue;
+    if (!options_.anchors.empty()) {
+      const auto [low, high] = cells.bounds();
+      if (patch.has_anchors(low, high) && !patch.keeps_anchors(v, x)) return false;
+    }
+    patch.move(v, x);
+    moved_[place] = moved_[place] + (x - here);
+    return true;
   }
   return false;
 }

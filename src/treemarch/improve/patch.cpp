@@ -209,6 +209,17 @@ std::vector<CellId> Patch<Dim>::written() const {
 }
 
 template <int Dim>
+bool Patch<Dim>::has_anchors(const Vec<Dim>& low, const Vec<Dim>& high) const {
+  auto a = std::ranges::lower_bound(anchors_, low[0], {}, [](const Anchor& anchor) { return anchor.point[0]; });
+  for (; a != anchors_.end() && a->point[0] <= high[0]; ++a) {
+    bool inside = true;
+    for (int d = 1; d < Dim; ++d) inside = inside && low[d] <= a->point[d] && a->point[d] <= high[d];
+    if (inside) return true;
+  }
+  return false;
+}
+
+template <int Dim>
 bool Patch<Dim>::keeps_anchors(VertexId v, const Vec<Dim>& x) const {
   if (anchors_.empty()) return true;
   Vec<Dim> low = point(v), high = low;

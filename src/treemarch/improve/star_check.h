@@ -2,8 +2,10 @@
 /// Whether the cells around a vertex are good enough, many cells at once.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "treemarch/core/vec.h"
@@ -12,17 +14,24 @@
 
 namespace treemarch {
 
+/// The vertices of a cell but one of them, in an order that makes a cell of the same orientation behind that one.
+/// \pre v is one of them
+template <int Dim>
+std::array<VertexId, Dim> others_of(const SimplexVertices<Dim>& cell, VertexId v);
+
 /// The cells around one vertex after another, laid out for vectors. One object a thread: it holds the scratch memory.
 template <int Dim>
 class StarCheck {
  public:
-  /// Takes the cells around v as they are now. \pre patch.has_star(v)
-  void gather(const Patch<Dim>& patch, VertexId v);
+  /// Takes the cells around a vertex as they are now. \param cells others_of() of each, at least one
+  void gather(const std::vector<Vec<Dim>>& points, std::span<const std::array<VertexId, Dim>> cells);
   /// Whether all of them reach the bound when the vertex is at x.
   [[nodiscard]] bool all_meet(const Vec<Dim>& x, const SquaredQualityBound& bound);
+  /// The smallest and the largest coordinates of the vertices around it.
+  [[nodiscard]] std::pair<Vec<Dim>, Vec<Dim>> bounds() const;
 
  private:
-  static constexpr int kLanes = 8;
+  static constexpr int kLanes = 4;
   using Group = double[Dim][Dim][kLanes];  // corner but the vertex, axis, cell
 
   std::vector<double> groups_;

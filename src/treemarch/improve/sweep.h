@@ -24,36 +24,31 @@ inline std::uint64_t scramble(std::uint64_t x) {
 }
 
 /// Who moves before whom: of each vertex those around it that have a smaller hash.
-template <int Dim>
 class Turns {
  public:
-  /// \param vertices each once, all with stars; those near each other in space are best near each other here
-  Turns(const Patch<Dim>& patch, std::vector<VertexId> vertices, const Execution& execution)
+  /// \param vertices each once; those near each other in space are best near each other here
+  /// \param neighbours neighbours(i, add) calls add(j) for the places in `vertices` of those around the i-th one; each
+  /// may come several times, and i as well
+  template <class Neighbours>
+  Turns(std::vector<VertexId> vertices, const Execution& execution, const Neighbours& neighbours)
       : vertices_(std::move(vertices)),
         per_task_(std::clamp<std::int64_t>(std::ssize(vertices_) / 64, 16, 512)),
         end_(vertices_.size()),
         by_hash_(vertices_.size()),
         before_(static_cast<std::size_t>(block_count(std::ssize(vertices_), per_task_))) {
-    std::vector<std::uint32_t> place(patch.chosen().size(), kNone);  // in vertices_, by slots
     std::vector<Rank> rank;
     rank.reserve(vertices_.size());
-    for (const VertexId v : vertices_) {
-      place[patch.slot(v)] = static_cast<std::uint32_t>(rank.size());
-      rank.push_back({scramble(v), v});
-    }
+    for (const VertexId v : vertices_) rank.push_back({scramble(v), v});
     parallel_for(execution, std::ssize(before_), 1, [&](std::int64_t task) {
       const std::int64_t first = task * per_task_, last = std::min(std::ssize(vertices_), first + per_task_);
       std::vector<std::uint32_t> around;
       for (std::int64_t i = first; i < last; ++i) {
         around.clear();
-        for (const CellId c : patch.star(vertices_[i]))
-          for (const VertexId w : patch.cell(c)) {
-            const std::int64_t slot = patch.slot(w);
-            if (slot >= 0 && std::find(around.rbegin(), around.rend(), place[slot]) == around.rend())
-              around.push_back(place[slot]);
-          }
+        neighbours(i, [&](std::uint32_t j) {
+          if (std::find(around.rbegin(), around.rend(), j) == around.rend()) around.push_back(j);
+        });
         for (const std::uint32_t j : around)
-          if (j != kNone && rank[j] < rank[i]) before_[task].push_back(j);
+          if (rank[j] < rank[i]) before_[task].push_back(j);
         end_[i] = static_cast<std::uint32_t>(before_[task].size());
         by_hash_[i] = static_cast<std::uint32_t>(i);
       }
@@ -77,7 +72,6 @@ class Turns {
 
  private:
   using Rank = std::pair<std::uint64_t, VertexId>;
-  static constexpr std::uint32_t kNone = 0xffffffffU;
 
   std::vector<VertexId> vertices_;
   std::int64_t per_task_;
@@ -90,12 +84,12 @@ class Turns {
 /// it still waits. The same result for any number of threads: whenever a vertex has its turn, those before it have
 /// moved and those after it have not. A task goes over its vertices, whose surroundings stay in the cache, and again
 /// while those of other tasks hold some of them up.
-/// \param is_candidate one a vertex of `turns`. \param find_place bool(VertexId v, Vec<Dim>& x): whether v shall move,
-/// and where to; called from many threads, and may read what lies in the cells around v only. Moves that the guard of
-/// the patch refuses are left out. \return number of vertices that moved. \pre the cells are those that `turns` saw
-template <int Dim, class FindPlace>
-std::int64_t sweep(Patch<Dim>& patch, const Turns<Dim>& turns, std::span<const std::uint8_t> is_candidate,
-                   const Execution& execution, FindPlace&& find_place) {
+/// \param is_candidate one a vertex of `turns`. \param move bool(std::uint32_t i): moves a vertex, given by its place
+/// in the list, or not, and says so; called from many threads, and may read what lies in the cells around it only.
+/// \return number of vertices that moved. \pre the cells are those that `turns` saw
+template <class Move>
+std::int64_t sweep(const Turns& turns, std::span<const std::uint8_t> is_candidate, const Execution& execution,
+                   const Move& move) {
   std::vector<std::uint8_t> waits(is_candidate.begin(), is_candidate.end());
   struct Task {
     std::int64_t number, moved = 0;
@@ -119,12 +113,7 @@ std::int64_t sweep(Patch<Dim>& patch, const Turns<Dim>& turns, std::span<const s
       task.begun = true;
       std::erase_if(task.waiting, [&](std::uint32_t i) {
         if (!has_turn(i)) return false;
-        const VertexId v = turns.vertex(i);
-        Vec<Dim> x;
-        if (find_place(v, x) && patch.keeps_anchors(v, x)) {
-          patch.move(v, x);
-          ++task.moved;
-        }
+        task.moved += move(i) ? 1 : 0;
         std::atomic_ref(waits[i]).store(0, std::memory_order_release);
         return true;
       });
@@ -137,12 +126,27 @@ std::int64_t sweep(Patch<Dim>& patch, const Turns<Dim>& turns, std::span<const s
   return moved;
 }
 
-/// The same with all of some vertices.
+/// The same with all of some vertices of a patch.
+/// \param candidates each once, all with stars. \param find_place bool(VertexId v, Vec<Dim>& x): whether v shall move,
+/// and where to. Moves that the guard of the patch refuses are left out.
 template <int Dim, class FindPlace>
 std::int64_t sweep(Patch<Dim>& patch, const std::vector<VertexId>& candidates, const Execution& execution,
-                   FindPlace&& find_place) {
+                   const FindPlace& find_place) {
+  constexpr std::uint32_t kNone = 0xffffffffU;
+  std::vector<std::uint32_t> place(patch.chosen().size(), kNone);  // in the list, by slots
+  for (std::size_t i = 0; i < candidates.size(); ++i) place[patch.slot(candidates[i])] = static_cast<std::uint32_t>(i);
+  const Turns turns(candidates, execution, [&](std::int64_t i, const auto& add) {
+    for (const CellId c : patch.star(candidates[i]))
+      for (const VertexId w : patch.cell(c))
+        if (const std::int64_t slot = patch.slot(w); slot >= 0 && place[slot] != kNone) add(place[slot]);
+  });
   const std::vector<std::uint8_t> all(candidates.size(), 1);
-  return sweep(patch, Turns<Dim>(patch, candidates, execution), all, execution, find_place);
+  return sweep(turns, all, execution, [&](std::uint32_t i) {
+    Vec<Dim> x;
+    if (!find_place(candidates[i], x) || !patch.keeps_anchors(candidates[i], x)) return false;
+    patch.move(candidates[i], x);
+    return true;
+  });
 }
 
 }  // namespace treemarch
