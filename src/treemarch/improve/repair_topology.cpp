@@ -4,6 +4,7 @@
 #include <numeric>
 #include <vector>
 
+#include "treemarch/core/parallel.h"
 #include "treemarch/improve/bridge.h"
 #include "treemarch/improve/marks.h"
 #include "treemarch/improve/neighbourhood.h"
@@ -18,6 +19,8 @@ namespace {
 // In lengths of the longest edge of a cell.
 constexpr double kReachOfPinches = 2;  // a move at a vertex changes the links one ring further
 constexpr double kReachOfParts = 4;    // the widest gap that is bridged
+
+constexpr std::int64_t kFacetsPerTask = 1 << 14;
 
 template <int Dim>
 class Repairer {
@@ -89,11 +92,18 @@ class Repairer {
     }
     for (const Stray& s : strays)
       for (const CellId c : s.cells) cells.push_back({c, kReachOfPinches});
-    for (const BorderFacet& facet : components.facets()) {
-      const auto c = static_cast<CellId>(facet.side.cell);
-      const VertexId* v = mesh_.blocks[0].cell(c);
-      if (std::any_of(v, v + Dim + 1, [&](VertexId x) { return at_pinch[x]; })) cells.push_back({c, kReachOfPinches});
-    }
+    const std::vector<BorderFacet>& facets = components.facets();
+    std::vector<std::vector<Reach>> pinched(static_cast<std::size_t>(block_count(std::ssize(facets), kFacetsPerTask)));
+    parallel_for(execution_, std::ssize(pinched), 1, [&](std::int64_t task) {
+      const std::int64_t begin = task * kFacetsPerTask, end = std::min(std::ssize(facets), begin + kFacetsPerTask);
+      for (std::int64_t i = begin; i < end; ++i) {
+        const auto c = static_cast<CellId>(facets[static_cast<std::size_t>(i)].side.cell);
+        const VertexId* v = mesh_.blocks[0].cell(c);
+        if (std::any_of(v, v + Dim + 1, [&](VertexId x) { return at_pinch[x]; }))
+          pinched[static_cast<std::size_t>(task)].push_back({c, kReachOfPinches});
+      }
+    });
+    for (const auto& in_task : pinched) cells.insert(cells.end(), in_task.begin(), in_task.end());
     Marks marked(mesh_.points.size());
     mark_near<Dim>(mesh_, cells, image_, marked, execution_);
     return marked.vertices();

@@ -1,7 +1,6 @@
 #include "treemarch/improve/unpinch.h"
 
 #include <algorithm>
-#include <limits>
 #include <numeric>
 #include <tuple>
 
@@ -83,8 +82,10 @@ bool keeps_connection(const Patch<Dim>& patch, std::span<const CellId> cells) {
 
 template <int Dim>
 int Unpincher<Dim>::excess(VertexId v) {
+  const auto star = patch_.star(v);
+  if (std::ranges::all_of(star, [&](CellId c) { return patch_.material(c) == patch_.material(star[0]); })) return 0;
   link_.clear();
-  for (const CellId c : patch_.star(v)) {
+  for (const CellId c : star) {
     const SimplexVertices<Dim> cell = patch_.cell(c);
     link_.add(kSimplex<Dim>, cell.data(), v, patch_.material(c));
   }
@@ -93,12 +94,12 @@ int Unpincher<Dim>::excess(VertexId v) {
   return sum;
 }
 
+/// Of a vertex near the one that is treated, as its cells are labelled while no move is tried.
 template <int Dim>
-int Unpincher<Dim>::excess_around(std::span<const VertexId> vertices, int enough) {
-  int sum = 0;
-  for (const VertexId v : vertices)
-    if ((sum += excess(v)) >= enough) break;
-  return sum;
+int Unpincher<Dim>::excess_before(VertexId v) {
+  auto at = std::ranges::find(before_, v, [](const auto& known) { return known.first; });
+  if (at == before_.end()) at = before_.insert(at, {v, excess(v)});
+  return at->second;
 }
 
 template <int Dim>
@@ -146,9 +147,10 @@ void Unpincher<Dim>::propose(std::span<const CellId> cells, MaterialId to) {
   for (const CellId c : cells) add_vertices<Dim>(patch_.cell(c), touched_);
   if (std::ranges::any_of(touched_, [&](VertexId v) { return !patch_.has_star(v); })) return;
   const MaterialId from = patch_.material(cells[0]);
-  const int before = excess_around(touched_, std::numeric_limits<int>::max());
+  int before = 0, after = 0;
+  for (const VertexId v : touched_) before += excess_before(v);
   relabel(cells, to);
-  const int after = excess_around(touched_, before);
+  for (auto v = touched_.begin(); v != touched_.end() && after < before; ++v) after += excess(*v);
   relabel(cells, from);
   if (after >= before) return;
   Move move{{cells.begin(), cells.end()}, to, before - after};
@@ -241,6 +243,7 @@ bool Unpincher<Dim>::apply_best() {
 template <int Dim>
 bool Unpincher<Dim>::treat(VertexId v) {
   list_parts(v);
+  before_.clear();
   moves_.clear();
   propose_parts();
   if (apply_best()) return true;

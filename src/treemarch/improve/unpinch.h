@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "treemarch/image/label_image.h"
@@ -53,8 +54,7 @@ class Unpincher {
   void propose_parts();
   void propose_along_edges(VertexId v);
   void propose_cells();
-  /// The sum over some vertices, or a part of it that is `enough` already.
-  [[nodiscard]] int excess_around(std::span<const VertexId> vertices, int enough);
+  [[nodiscard]] int excess_before(VertexId v);
   void propose(std::span<const CellId> cells, MaterialId to);
   bool apply_best();
   [[nodiscard]] MaterialId image_material(CellId c) const;
@@ -70,6 +70,7 @@ class Unpincher {
   std::vector<int> part_;  // of each cell of the star: cells of one material that hang together over facets at v
   int parts_ = 0;
   std::vector<Move> moves_;
+  std::vector<std::pair<VertexId, int>> before_;
   std::vector<VertexId> touched_;
   std::vector<VertexId> pinched_;  // by moves
   std::int64_t relabelled_ = 0, left_ = 0;

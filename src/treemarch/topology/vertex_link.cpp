@@ -108,6 +108,35 @@ int VertexLink<Dim>::excess_of(MaterialId material) {
   return curves - 1 + crossings;
 }
 
+/// Whether the border lies between two materials and is one simple closed curve, which most are: found by walking
+/// along.
+template <int Dim>
+bool VertexLink<Dim>::is_simple() const {
+  if constexpr (Dim == 2) return false;
+  const Slot& first = border_[0];
+  if (first.first == kOutside || first.second == kOutside) return false;
+  for (const Slot& b : border_)
+    if ((b.first != first.first || b.second != first.second) && (b.first != first.second || b.second != first.first))
+      return false;
+  std::size_t at = 0;
+  auto end = static_cast<VertexId>(first.key);
+  for (std::size_t steps = 1;; ++steps) {
+    std::size_t next = at;
+    int meeting = 0;
+    for (std::size_t i = 0; i < border_.size(); ++i) {
+      const std::uint64_t key = border_[i].key;
+      if (static_cast<VertexId>(key) != end && static_cast<VertexId>(key >> 32U) != end) continue;
+      ++meeting;
+      if (i != at) next = i;
+    }
+    if (meeting != 2) return false;
+    if (next == 0) return steps == border_.size();
+    at = next;
+    const std::uint64_t key = border_[at].key;
+    end = static_cast<VertexId>(key) == end ? static_cast<VertexId>(key >> 32U) : static_cast<VertexId>(key);
+  }
+}
+
 template <int Dim>
 const std::vector<typename VertexLink<Dim>::Excess>& VertexLink<Dim>::excess() {
   border_ = facets_;
@@ -120,6 +149,7 @@ const std::vector<typename VertexLink<Dim>::Excess>& VertexLink<Dim>::excess() {
     const Slot& slot = slots_[at];
     if (slot.first != slot.second) border_.push_back(slot);
   }
+  if (!border_.empty() && is_simple()) return excess_;
   for (const Slot& b : border_) {
     note(b.first);
     note(b.second);

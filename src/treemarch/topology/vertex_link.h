@@ -48,6 +48,7 @@ class VertexLink {
 
   void add_side(std::uint64_t key, MaterialId material);
   void grow();
+  [[nodiscard]] bool is_simple() const;
   int excess_of(MaterialId material);
 
   std::vector<Slot> slots_ = std::vector<Slot>(256);
