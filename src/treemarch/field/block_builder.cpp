@@ -10,7 +10,7 @@ namespace {
 constexpr std::uint32_t kNone = 0xffffffffU;
 /// Labels that weigh less at a voxel are left out.
 constexpr std::uint32_t kLeastWeight = VoxelLists<3>::kOne / 512;
-/// A voxel whose own label does not win by this much is flagged as perhaps too thin (design section 6).
+/// A voxel whose own label does not win by this much is flagged as perhaps too thin.
 constexpr std::uint32_t kThinMargin = VoxelLists<3>::kOne / 10;
 /// At most so many other labels a voxel are kept.
 constexpr std::size_t kMostOthers = 31;

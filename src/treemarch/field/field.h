@@ -1,6 +1,6 @@
 /// \file
 /// Separating functions: what weight each label has at a point. Interfaces are where the two largest weights are equal.
-/// Source: design sections 6 and 7; the solid angle is the paper's equation 1.
+/// See docs/stages/field.md; the solid angle is the paper's equation 1.
 #pragma once
 
 #include <cstdint>

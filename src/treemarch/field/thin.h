@@ -1,6 +1,5 @@
 /// \file
-/// Keeps sheets, wires and grains that are too thin for a smoothed field. Source: design section 6, "Fallback for thin
-/// structures".
+/// Keeps sheets, wires and grains that are too thin for a smoothed field. See docs/stages/field.md, "Thin structures".
 #pragma once
 
 #include <cstdint>

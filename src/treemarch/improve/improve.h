@@ -1,6 +1,6 @@
 /// \file
 /// Raises the worst elements of a mesh of simplices above a target, without making its interfaces less true.
-/// Source: design section 7 E; smart smoothing after Freitag and Ollivier-Gooch (1997). See docs/stages/improve.md.
+/// Smart smoothing after Freitag and Ollivier-Gooch (1997). See docs/stages/improve.md.
 #pragma once
 
 #include <cstdint>

@@ -1,7 +1,7 @@
 /// \file
 /// The default cut: splits a lattice along the interfaces of any number of materials in one pass, with a proved bound
-/// on the angles. Source: design section 7; the idea of snapping and of clamped cuts is that of isosurface stuffing
-/// (Labelle and Shewchuk 2007). See docs/stages/cut.md.
+/// on the angles. The idea of snapping and of clamped cuts is that of isosurface stuffing (Labelle and Shewchuk 2007).
+/// See docs/stages/cut.md.
 #pragma once
 
 #include <cstdint>

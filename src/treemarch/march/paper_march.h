@@ -37,8 +37,8 @@ struct PaperMarchReport {
   std::int64_t reassigned = 0;  ///< cells or parts of cells that fell to the majority of their neighbours
 };
 
-/// Separates each material m from the rest along f_m = 1/2, one after the other on the mesh as the earlier ones left it
-/// (design section 8). With two materials in all there is one surface and one separation.
+/// Separates each material m from the rest along f_m = 1/2, one after the other on the mesh as the earlier ones left
+/// it. With two materials in all there is one surface and one separation.
 ///
 /// f_m at a vertex that touches cells of one material is 1 or 0, at others the share of the solid angle or
 /// options.field, so the surface stays within the cells that touch it. A part of an m-cell outside goes to the material
