@@ -215,25 +215,25 @@ void Fitter<Dim>::find_facets() {
   rank_.assign(mesh_.points.size(), kNone);
   for (std::size_t i = 0; i < order_.size(); ++i) rank_[order_[i]] = static_cast<std::uint32_t>(i);
   // Where a facet goes: to the first of its vertices.
-  std::vector<std::uint32_t> next(order_.size() + 1, 0);
-  const auto first_of = [&](std::int64_t i) {
-    std::uint32_t first = kNone;
+  std::vector<std::uint32_t> to(above.size()), next(order_.size() + 1, 0);
+  parallel_for(execution_, block.size(), kBlock, [&](std::int64_t i) {
+    to[i] = kNone;
     if (above[i] != kLeftOut)
-      for (int k = 0; k < Dim; ++k) first = std::min(first, rank_[block.vertices[i * Dim + k]]);
-    return first;
-  };
-  for (std::int64_t i = 0; i < block.size(); ++i)
-    if (const std::uint32_t first = first_of(i); first != kNone) ++next[first];
+      for (int k = 0; k < Dim; ++k) to[i] = std::min(to[i], rank_[block.vertices[i * Dim + k]]);
+  });
+  for (const std::uint32_t first : to)
+    if (first != kNone) ++next[first];
   facets_.resize(exclusive_scan(std::span(next)));
-  for (std::int64_t i = 0; i < block.size(); ++i) {
-    const std::uint32_t first = first_of(i);
-    if (first == kNone) continue;
-    Facet<Dim>& f = facets_[next[first]++];
+  for (std::uint32_t& first : to)
+    if (first != kNone) first = next[first]++;
+  parallel_for(execution_, block.size(), kBlock, [&](std::int64_t i) {
+    if (to[i] == kNone) return;
+    Facet<Dim>& f = facets_[to[i]];
     std::copy_n(block.vertices.begin() + i * Dim, Dim, f.v.begin());
     f.first = block.first[i];
     f.second = block.second[i] == kOutside ? options_.outside : block.second[i];
     set_order(f);
-  }
+  });
 }
 
 /// Those near each other in space are near each other in the order.
