@@ -14,7 +14,7 @@ namespace treemarch {
 template <class T>
 struct RawAllocator : std::allocator<T> {
   template <class U>
-  struct rebind {
+  struct rebind {  // NOLINT(readability-identifier-naming): the standard says so
     using other = RawAllocator<U>;
   };
   RawAllocator() = default;
