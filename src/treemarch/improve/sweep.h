@@ -12,18 +12,13 @@
 
 #include "treemarch/core/execution.h"
 #include "treemarch/core/parallel.h"
+#include "treemarch/core/scramble.h"
 #include "treemarch/improve/patch.h"
 
 namespace treemarch {
 
-/// Bits without a pattern, so that vertices which come first are spread over the mesh.
-inline std::uint64_t scramble(std::uint64_t x) {
-  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ULL;
-  x = (x ^ (x >> 27)) * 0x94d049bb133111ebULL;
-  return x ^ (x >> 31);
-}
-
-/// Who moves before whom: of each vertex those around it that have a smaller hash.
+/// Who moves before whom: of each vertex those around it that have a smaller hash, by which those that come first are
+/// spread over the mesh.
 class Turns {
  public:
   /// \param vertices each once; those near each other in space are best near each other here

@@ -4,6 +4,7 @@
 #include <atomic>
 
 #include "treemarch/core/parallel.h"
+#include "treemarch/core/scramble.h"
 #include "treemarch/mesh/cell_topology.h"
 #include "treemarch/mesh/material_mark.h"
 
@@ -12,13 +13,8 @@ namespace {
 
 constexpr std::int64_t kCellsPerTask = 1 << 13;
 
-/// A bijection that scatters its argument (the finaliser of SplitMix64).
-std::uint64_t scatter(std::uint64_t x) {
-  x += 0x9e3779b97f4a7c15U;
-  x = (x ^ (x >> 30U)) * 0xbf58476d1ce4e5b9U;
-  x = (x ^ (x >> 27U)) * 0x94d049bb133111ebU;
-  return x ^ (x >> 31U);
-}
+/// Not 0 where x is small.
+std::uint64_t scatter(std::uint64_t x) { return scramble(x + 0x9e3779b97f4a7c15U); }
 
 }  // namespace
 
