@@ -209,14 +209,20 @@ std::vector<CellId> Patch<Dim>::written() const {
 }
 
 template <int Dim>
-bool Patch<Dim>::has_anchors(const Vec<Dim>& low, const Vec<Dim>& high) const {
+template <class F>
+bool Patch<Dim>::any_anchor_in(const Vec<Dim>& low, const Vec<Dim>& high, F&& f) const {
   auto a = std::ranges::lower_bound(anchors_, low[0], {}, [](const Anchor& anchor) { return anchor.point[0]; });
   for (; a != anchors_.end() && a->point[0] <= high[0]; ++a) {
     bool inside = true;
     for (int d = 1; d < Dim; ++d) inside = inside && low[d] <= a->point[d] && a->point[d] <= high[d];
-    if (inside) return true;
+    if (inside && f(*a)) return true;
   }
   return false;
+}
+
+template <int Dim>
+bool Patch<Dim>::has_anchors(const Vec<Dim>& low, const Vec<Dim>& high) const {
+  return any_anchor_in(low, high, [](const Anchor&) { return true; });
 }
 
 template <int Dim>
@@ -240,17 +246,11 @@ bool Patch<Dim>::keeps_anchors(VertexId v, const Vec<Dim>& x) const {
       return barycentric.is_valid() && barycentric.contains(anchor, kTolerance);
     });
   };
-  auto a = std::ranges::lower_bound(anchors_, low[0], {}, [](const Anchor& anchor) { return anchor.point[0]; });
-  for (; a != anchors_.end() && a->point[0] <= high[0]; ++a) {
+  return !any_anchor_in(low, high, [&](const Anchor& anchor) {
     Vec<Dim> p;
-    bool near = true;
-    for (int d = 0; d < Dim; ++d) {
-      p[d] = a->point[d];
-      near = near && low[d] <= p[d] && p[d] <= high[d];
-    }
-    if (near && contained(p, a->material, point(v)) && !contained(p, a->material, x)) return false;
-  }
-  return true;
+    std::copy_n(anchor.point.begin(), Dim, p.begin());
+    return contained(p, anchor.material, point(v)) && !contained(p, anchor.material, x);
+  });
 }
 
 template <int Dim>

@@ -120,6 +120,9 @@ class Patch {
     CellId cell;
     NewCell<Dim> before;  // vertices[0] == kNoVertex: dead
   };
+  /// Whether f(anchor) holds for one of the anchors in a box.
+  template <class F>
+  [[nodiscard]] bool any_anchor_in(const Vec<Dim>& low, const Vec<Dim>& high, F&& f) const;
   void collect(const Execution& execution);
   void write(CellId c, const NewCell<Dim>& cell);
   void insert(VertexId v, CellId c);
