@@ -25,11 +25,7 @@ struct Configuration {
     mesh.blocks[0].vertices.insert(mesh.blocks[0].vertices.end(), v.begin(), v.end());
     mesh.blocks[0].materials.push_back(material);
   }
-  Patch<3> patch() {
-    std::vector<VertexId> all(mesh.points.size());
-    for (VertexId v = 0; v < all.size(); ++v) all[v] = v;
-    return {mesh, all, Execution(1)};
-  }
+  Patch<3> patch() { return {mesh, testing::all_vertices(mesh), Execution(1)}; }
   void compact_after(const Patch<3>& patch) {
     const Execution execution(1);
     Removed removed;

@@ -2,6 +2,7 @@
 /// Meshes of random images by the default cut, as the improvement gets them.
 #pragma once
 
+#include <numeric>
 #include <vector>
 
 #include "support/images.h"
@@ -35,6 +36,14 @@ LabelImage<Dim> mixed_image(const Coord<Dim>& extent, int labels, double speckle
     if (c[0] + c[1] == extent[0]) values[i] = labels;
   }
   return make_label_image(extent, values);
+}
+
+/// For a patch that has all stars.
+template <int Dim>
+std::vector<VertexId> all_vertices(const Mesh<Dim>& mesh) {
+  std::vector<VertexId> all(mesh.points.size());
+  std::iota(all.begin(), all.end(), VertexId{0});
+  return all;
 }
 
 template <int Dim>

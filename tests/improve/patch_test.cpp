@@ -91,8 +91,7 @@ TEST(Patch, StarsFollowChangesAndRollbackTakesThemBack3D) { check_patch<3>(); }
 
 TEST(Patch, NeighboursShareTheFacet) {
   Mesh<3> mesh = testing::cut_image(testing::noise_image<3>({4, 4, 4}, 2, 3)).mesh;
-  std::vector<VertexId> all(mesh.points.size());
-  for (VertexId v = 0; v < all.size(); ++v) all[v] = v;
+  const std::vector<VertexId> all = testing::all_vertices(mesh);
   Execution execution(2);
   const Patch<3> patch(mesh, all, execution);
   std::int64_t hull = 0;

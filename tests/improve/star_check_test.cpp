@@ -15,8 +15,7 @@ namespace {
 template <int Dim>
 void check_stars(const LabelImage<Dim>& image) {
   auto cut = testing::cut_image(image);
-  std::vector<VertexId> all(cut.mesh.points.size());
-  for (VertexId v = 0; v < all.size(); ++v) all[v] = v;
+  const std::vector<VertexId> all = testing::all_vertices(cut.mesh);
   const Patch<Dim> patch(cut.mesh, all, Execution(2));
   std::mt19937 random(1);
   std::uniform_real_distribution<double> some(-0.3, 0.3);

@@ -10,7 +10,14 @@
 namespace treemarch {
 namespace {
 
-/// Where the sweep leaves the vertices that each move half way to the mean of those around them.
+/// Half way to the mean of the cells around a vertex.
+Vec<3> half_way(const Patch<3>& patch, VertexId v) {
+  Vec<3> sum{};
+  for (const CellId c : patch.star(v)) sum = sum + patch.centroid(c);
+  return 0.5 * patch.point(v) + (0.5 / static_cast<double>(patch.star(v).size())) * sum;
+}
+
+/// Where the sweep leaves the vertices that each move half way, some excepted.
 std::vector<Vec<3>> smoothed(const testing::CutImage<3>& cut, const std::vector<VertexId>& vertices,
                              const std::vector<std::uint8_t>& wanted, int threads) {
   Mesh<3> mesh = cut.mesh;
@@ -27,10 +34,8 @@ std::vector<Vec<3>> smoothed(const testing::CutImage<3>& cut, const std::vector<
   });
   const auto move = [&](std::uint32_t i) {
     const VertexId v = vertices[i];
-    Vec<3> sum{};
-    for (const CellId c : patch.star(v)) sum = sum + patch.centroid(c);
     if (v % 7 == 0) return false;
-    patch.move(v, 0.5 * patch.point(v) + (0.5 / static_cast<double>(patch.star(v).size())) * sum);
+    patch.move(v, half_way(patch, v));
     return true;
   };
   std::int64_t expected = 0;
@@ -55,14 +60,9 @@ TEST(Sweep, MovesOneAfterTheOther) {
     if (wanted[i] != 0) by_hash.push_back({scramble(vertices[i]), vertices[i]});
   std::ranges::sort(by_hash);
   Mesh<3> mesh = cut.mesh;
-  std::vector<VertexId> all(mesh.points.size());
-  for (VertexId v = 0; v < all.size(); ++v) all[v] = v;
-  Patch<3> patch(mesh, all, Execution(1));
+  Patch<3> patch(mesh, testing::all_vertices(mesh), Execution(1));
   for (const auto& [hash, v] : by_hash) {
-    if (v % 7 == 0) continue;
-    Vec<3> sum{};
-    for (const CellId c : patch.star(v)) sum = sum + patch.centroid(c);
-    patch.move(v, 0.5 * patch.point(v) + (0.5 / static_cast<double>(patch.star(v).size())) * sum);
+    if (v % 7 != 0) patch.move(v, half_way(patch, v));
   }
   EXPECT_EQ(mesh.points, points);
 

@@ -14,8 +14,7 @@ namespace {
 template <int Dim>
 void check_moves(const LabelImage<Dim>& image) {
   auto cut = testing::cut_image(image);
-  std::vector<VertexId> all(cut.mesh.points.size());
-  for (VertexId v = 0; v < all.size(); ++v) all[v] = v;
+  const std::vector<VertexId> all = testing::all_vertices(cut.mesh);
   Execution execution(2);
   Patch<Dim> patch(cut.mesh, all, execution);
   const MoveLimits limits{0.3, 0.1, 60};
@@ -57,8 +56,7 @@ TEST(FindBetterPlace, RaisesTheWorstWithinTheStratum3D) { check_moves(testing::m
 
 TEST(FindNearerPlace, NeverAtThePriceOfTheGoal) {
   auto cut = testing::cut_image(testing::mixed_image<3>({9, 9, 9}, 4, 0.05, 3));
-  std::vector<VertexId> all(cut.mesh.points.size());
-  for (VertexId v = 0; v < all.size(); ++v) all[v] = v;
+  const std::vector<VertexId> all = testing::all_vertices(cut.mesh);
   Execution execution(2);
   Patch<3> patch(cut.mesh, all, execution);
   const MoveLimits limits{0.5, 0.01, 20};
