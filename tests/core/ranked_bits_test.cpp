@@ -7,11 +7,11 @@
 namespace treemarch {
 namespace {
 
-TEST(RankedBits, NumbersMembersBeyond31Bits) {
-  // Numbers around every power of two up to 2^31, in a set of 0.4 GB.
-  constexpr std::int64_t kEnd = (std::int64_t{1} << 31) + 1000;
+TEST(RankedBits, NumbersMembersBeyond32Bits) {
+  // Numbers around every power of two up to 2^32, in a set of 0.8 GB.
+  constexpr std::int64_t kEnd = (std::int64_t{1} << 32) + 1000;
   std::set<std::int64_t> members;
-  for (int bit = 0; bit <= 31; ++bit)
+  for (int bit = 0; bit <= 32; ++bit)
     for (const std::int64_t step : {-1, 0, 1, 63, 64}) members.insert((std::int64_t{1} << bit) + step);
   members.insert(kEnd - 1);
   RankedBits bits(kEnd);
