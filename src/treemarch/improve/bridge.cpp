@@ -8,7 +8,6 @@
 #include <unordered_map>
 
 #include "treemarch/core/parallel.h"
-#include "treemarch/improve/marks.h"
 #include "treemarch/improve/unpinch.h"
 #include "treemarch/topology/simplices.h"
 #include "treemarch/topology/voxel_centres.h"
@@ -23,20 +22,6 @@ std::vector<T> join(const std::vector<std::vector<T>>& parts) {
   std::vector<T> all;
   for (const auto& part : parts) all.insert(all.end(), part.begin(), part.end());
   return all;
-}
-
-/// The voxels of the components for which wanted(component) is true.
-template <int Dim, class Wanted>
-Marks mark_voxels(const LabelImage<Dim>& image, const ComponentMap& map, Wanted&& wanted) {
-  Marks marks(static_cast<std::size_t>(image.voxels.size()));
-  for (std::size_t row = 0; row + 1 < map.row_begin.size(); ++row)
-    for (std::size_t r = map.row_begin[row]; r < map.row_begin[row + 1]; ++r) {
-      if (!wanted(map.runs[r].component)) continue;
-      const std::int64_t end = r + 1 < map.row_begin[row + 1] ? map.runs[r + 1].begin : map.width;
-      marks.mark_run(row * static_cast<std::size_t>(map.width) + static_cast<std::size_t>(map.runs[r].begin),
-                     static_cast<std::size_t>(end - map.runs[r].begin));
-    }
-  return marks;
 }
 
 /// Adds up parts that are the same.
@@ -182,9 +167,10 @@ bool are_connected(const Patch<Dim>& patch, std::span<const CellId> cells) {
     const CellId c = cells[open.back()];
     open.pop_back();
     for (int corner = 0; corner <= Dim; ++corner) {
-      const auto next = std::ranges::lower_bound(cells, patch.neighbour(c, corner));
+      const CellId beside = patch.neighbour(c, corner);
+      const auto next = std::ranges::lower_bound(cells, beside);
       const auto at = static_cast<std::size_t>(next - cells.begin());
-      if (next == cells.end() || *next != patch.neighbour(c, corner) || met[at]++ != 0) continue;
+      if (next == cells.end() || *next != beside || met[at]++ != 0) continue;
       open.push_back(at);
     }
   }
@@ -256,7 +242,7 @@ BrokenComponents<Dim> find_broken(const LabelImage<Dim>& image, const ComponentM
   std::vector<std::vector<typename Broken::Part>> parts(tasks);
   std::vector<std::vector<typename Broken::Lost>> lost(tasks);
   const VoxelCentres<Dim> centres(image);
-  const Marks concerned = mark_voxels(image, map, [&](std::uint32_t c) { return is_lost(c) || is_split(c); });
+  const Marks concerned = map.voxels_of([&](std::uint32_t c) { return is_lost(c) || is_split(c); });
   const auto for_cells = [&](std::size_t task, auto&& f) {
     const auto begin = static_cast<std::int64_t>(task) * kCellsPerTask;
     for (std::int64_t c = begin; c < std::min(block.size(), begin + kCellsPerTask); ++c) f(static_cast<CellId>(c));

@@ -6,8 +6,8 @@
 
 #include "treemarch/core/execution.h"
 #include "treemarch/image/label_image.h"
-#include "treemarch/improve/marks.h"
 #include "treemarch/improve/patch.h"
+#include "treemarch/mesh/marks.h"
 #include "treemarch/mesh/mesh.h"
 
 namespace treemarch {

@@ -4,7 +4,7 @@
 #include <atomic>
 
 #include "treemarch/core/parallel.h"
-#include "treemarch/improve/marks.h"
+#include "treemarch/mesh/marks.h"
 #include "treemarch/topology/simplices.h"
 
 namespace treemarch {

@@ -6,12 +6,13 @@
 
 #include "treemarch/core/parallel.h"
 #include "treemarch/improve/bridge.h"
-#include "treemarch/improve/marks.h"
 #include "treemarch/improve/neighbourhood.h"
 #include "treemarch/improve/patch.h"
 #include "treemarch/improve/strays.h"
 #include "treemarch/improve/unpinch.h"
+#include "treemarch/mesh/marks.h"
 #include "treemarch/topology/component_fates.h"
+#include "treemarch/topology/voxel_centres.h"
 
 namespace treemarch {
 namespace {
@@ -25,10 +26,12 @@ constexpr std::int64_t kFacetsPerTask = 1 << 14;
 template <int Dim>
 class Repairer {
  public:
-  Repairer(Mesh<Dim>& mesh, const LabelImage<Dim>& image, const RepairOptions& options, Execution& execution)
+  Repairer(Mesh<Dim>& mesh, const LabelImage<Dim>& image, const RepairOptions& options, LeftOutCells<Dim>* left_out,
+           Execution& execution)
       : mesh_(mesh),
         image_(image),
         options_(options),
+        left_out_(left_out),
         execution_(execution),
         map_(map_components(image, execution)),
         uniform_(image, execution) {
@@ -53,10 +56,11 @@ class Repairer {
       const PlainBlocks<Dim> plain = needs_plain_blocks(image_, mesh_)
                                          ? PlainBlocks<Dim>(image_, uniform_, mesh_, components.facets(), execution_)
                                          : PlainBlocks<Dim>(uniform_);
+      const std::vector<ComponentFate> fates =
+          component_fates(image_, map_, mesh_, components, plain, to_image_, execution_);
+      add_cells_of_lost(fates);
       const BrokenComponents<Dim> broken =
-          find_broken(image_, map_, required_, mesh_, components,
-                      component_fates(image_, map_, mesh_, components, plain, to_image_, execution_), options_.left_out,
-                      execution_);
+          find_broken(image_, map_, required_, mesh_, components, fates, options_.left_out, execution_);
       SmallPieces small = find_small_pieces<Dim>(image_, map_, required_, mesh_, components, execution_);
       report_.anchors = std::move(small.anchors);
       add_anchors(restored_);
@@ -80,9 +84,31 @@ class Repairer {
     }
   }
 
+  /// Adds the cells that were left out and contain voxels of a lost component.
+  void add_cells_of_lost(const std::vector<ComponentFate>& fates) {
+    const auto is_lost = [&](std::uint32_t c) { return required_[c] && fates[c].lost(); };
+    bool any = false;
+    for (std::uint32_t c = 0; c < fates.size(); ++c) any |= is_lost(c);
+    if (left_out_ == nullptr || !any) return;
+    const Marks lost = map_.voxels_of(is_lost);
+    const VoxelCentres<Dim> centres(image_);
+    left_out_->append_if(
+        mesh_,
+        [&](const SimplexVertices<Dim>& v) {
+          Simplex<Dim> simplex;
+          for (int k = 0; k <= Dim; ++k) simplex[k] = mesh_.points[v[k]];
+          bool contains = false;
+          centres.visit(
+              simplex, [&](std::int64_t voxel) { return lost[static_cast<std::size_t>(voxel)]; },
+              [&](std::int64_t) { contains = true; });
+          return contains;
+        },
+        execution_);
+  }
+
   /// The vertices that may have to do with the breaches.
-  std::vector<VertexId> around(const BrokenComponents<Dim>& broken, const std::vector<Stray>& strays,
-                               const MeshComponents<Dim>& components, const Marks& at_pinch) const {
+  Marks around(const BrokenComponents<Dim>& broken, const std::vector<Stray>& strays,
+               const MeshComponents<Dim>& components, const Marks& at_pinch) const {
     std::vector<Reach> cells;
     for (const CellId c : broken.cells) {
       const auto v = mesh_.blocks[0].cell(c);
@@ -106,7 +132,7 @@ class Repairer {
     for (const auto& in_task : pinched) cells.insert(cells.end(), in_task.begin(), in_task.end());
     Marks marked(mesh_.points.size());
     mark_near<Dim>(mesh_, cells, image_, marked, execution_);
-    return marked.vertices();
+    return marked;
   }
 
   /// \return whether to look again: what is done to pinches disconnects nothing, a way that joins two parts may.
@@ -115,10 +141,12 @@ class Repairer {
     Marks at_pinch(mesh_.points.size());
     for (const MeshPinch& p : components.pinches()) at_pinch.mark(p.vertex);
     std::vector<VertexId> pinched = at_pinch.vertices();
-    Patch<Dim> patch(mesh_, around(broken, strays, components, at_pinch), execution_);
+    const Marks chosen = around(broken, strays, components, at_pinch);
+    if (left_out_ != nullptr) left_out_->append_at(mesh_, chosen, execution_);
+    Patch<Dim> patch(mesh_, chosen.vertices(), execution_);
     Mended mended = mend_components(patch, broken, report_);
     Unpincher<Dim> unpincher(patch, mesh_, image_);
-    const std::vector<CellId> given_away = relabel_strays(strays, components, patch, unpincher);
+    const std::vector<CellId> given_away = relabel_strays(strays, components, options_.left_out, patch, unpincher);
     mended.relabelled.insert(mended.relabelled.end(), given_away.begin(), given_away.end());
     for (const CellId c : mended.relabelled) {
       const auto cell = patch.cell(c);
@@ -138,7 +166,13 @@ class Repairer {
     }
     add_anchors(restored);
     restored_.insert(restored_.end(), restored.begin(), restored.end());
-    return relabelled > 0 && !mended.surely_whole;
+    if (relabelled == 0 || mended.surely_whole) return false;
+    Marks changed(mesh_.points.size());
+    for (const CellId c : mended.relabelled)
+      for (const VertexId v : patch.cell(c)) changed.mark(v);
+    if (left_out_ != nullptr)
+      left_out_->append_at(mesh_, changed, execution_);  // ways may lead to the rim of the patch
+    return true;
   }
 
   void add_anchors(const std::vector<Anchor>& anchors) {
@@ -149,6 +183,7 @@ class Repairer {
   Mesh<Dim>& mesh_;
   const LabelImage<Dim>& image_;
   const RepairOptions& options_;
+  LeftOutCells<Dim>* const left_out_;
   Execution& execution_;
   const ComponentMap map_;
   const UniformBlocks<Dim> uniform_;
@@ -162,12 +197,14 @@ class Repairer {
 
 template <int Dim>
 RepairReport repair_topology(Mesh<Dim>& mesh, const LabelImage<Dim>& image, const RepairOptions& options,
-                             Execution& execution) {
+                             Execution& execution, LeftOutCells<Dim>* left_out) {
   if (mesh.blocks.empty() || mesh.blocks[0].type != kSimplex<Dim>) return {};
-  return Repairer<Dim>(mesh, image, options, execution).run();
+  return Repairer<Dim>(mesh, image, options, left_out, execution).run();
 }
 
-template RepairReport repair_topology(Mesh<2>&, const LabelImage<2>&, const RepairOptions&, Execution&);
-template RepairReport repair_topology(Mesh<3>&, const LabelImage<3>&, const RepairOptions&, Execution&);
+template RepairReport repair_topology(Mesh<2>&, const LabelImage<2>&, const RepairOptions&, Execution&,
+                                      LeftOutCells<2>*);
+template RepairReport repair_topology(Mesh<3>&, const LabelImage<3>&, const RepairOptions&, Execution&,
+                                      LeftOutCells<3>*);
 
 }  // namespace treemarch

@@ -9,6 +9,7 @@
 #include "treemarch/core/execution.h"
 #include "treemarch/image/label_image.h"
 #include "treemarch/improve/anchors.h"
+#include "treemarch/march/left_out.h"
 #include "treemarch/mesh/mesh.h"
 
 namespace treemarch {
@@ -37,10 +38,11 @@ struct RepairReport {
 /// Relabels cells so that every label has a cell, every component of the image of at least options.min_component voxels
 /// is one component of the mesh, and the boundary of every material is a manifold. No vertex moves and no cell changes
 /// its shape. What cannot be mended stays as it is. The result is the same for any number of threads.
-/// \pre the mesh has one block, of simplices, which fill the image's box; its materials are those of the image; its
-/// points are in the image's inner frame.
+/// \param left_out cells of options.left_out that the mesh lacks; those that are needed are added to it
+/// \pre the mesh has one block, of simplices, which fill the image's box together with those that are left out; its
+/// materials are those of the image; its points are in the image's inner frame.
 template <int Dim>
 RepairReport repair_topology(Mesh<Dim>& mesh, const LabelImage<Dim>& image, const RepairOptions& options,
-                             Execution& execution);
+                             Execution& execution, LeftOutCells<Dim>* left_out = nullptr);
 
 }  // namespace treemarch

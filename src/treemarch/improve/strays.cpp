@@ -5,15 +5,12 @@
 #include <tuple>
 #include <utility>
 
-#include "treemarch/core/parallel.h"
-#include "treemarch/improve/marks.h"
+#include "treemarch/mesh/marks.h"
 #include "treemarch/topology/simplices.h"
 #include "treemarch/topology/voxel_centres.h"
 
 namespace treemarch {
 namespace {
-
-constexpr std::int64_t kVerticesPerTask = 1 << 14;
 
 /// A voxel in a cell of its material.
 struct Hit {
@@ -53,15 +50,16 @@ struct Beside {
 
 template <int Dim>
 std::vector<Beside> materials_beside(std::span<const CellId> cells, const MeshComponents<Dim>& components,
-                                     const Patch<Dim>& patch) {
+                                     const Patch<Dim>& patch, MaterialId left_out) {
   std::vector<Beside> result;
   for (const CellId c : cells)
     for (int corner = 0; corner <= Dim; ++corner) {
       const CellId next = patch.neighbour(c, corner);
       if (next == Patch<Dim>::kNoCell || patch.material(next) == patch.material(c)) continue;
-      const std::uint32_t component = components.of(0, next);
-      auto at = std::ranges::find(result, patch.material(next), &Beside::material);
-      if (at == result.end()) at = result.insert(at, {patch.material(next), component});
+      const MaterialId material = patch.material(next);
+      const std::uint32_t component = material == left_out ? 0 : components.of(0, next);
+      auto at = std::ranges::find(result, material, &Beside::material);
+      if (at == result.end()) at = result.insert(at, {material, component});
       at->several |= at->component != component;
       at->area += facet_area<Dim>(patch, c, corner);
     }
@@ -75,11 +73,7 @@ template <int Dim>
 SmallPieces find_small_pieces(const LabelImage<Dim>& image, const ComponentMap& map,
                               std::span<const std::uint8_t> required, const Mesh<Dim>& mesh,
                               const MeshComponents<Dim>& components, const Execution& execution) {
-  Marks with_inner_vertex(components.index_end());
-  parallel_for(execution, std::ssize(mesh.points), kVerticesPerTask, [&](std::int64_t v) {
-    if (components.is_inner(static_cast<VertexId>(v)))
-      with_inner_vertex.mark(components.of_inner(static_cast<VertexId>(v)));
-  });
+  const Marks with_inner_vertex = components.with_inner_vertex(execution);
   std::vector<std::pair<std::uint32_t, CellId>> all;  // component and cell
   for (const auto& [b, cell] : components.cells_at_borders())
     if (const std::uint32_t component = components.of(b, cell); b == 0 && !with_inner_vertex[component])
@@ -103,7 +97,7 @@ SmallPieces find_small_pieces(const LabelImage<Dim>& image, const ComponentMap& 
 
 template <int Dim>
 std::vector<CellId> relabel_strays(const std::vector<Stray>& strays, const MeshComponents<Dim>& components,
-                                   Patch<Dim>& patch, Unpincher<Dim>& unpincher) {
+                                   MaterialId left_out, Patch<Dim>& patch, Unpincher<Dim>& unpincher) {
   std::vector<CellId> changed;
   std::vector<VertexId> around;
   for (const Stray& stray : strays) {
@@ -122,7 +116,7 @@ std::vector<CellId> relabel_strays(const std::vector<Stray>& strays, const MeshC
       return sum;
     };
     const int before = excess();
-    for (const Beside& beside : materials_beside<Dim>(stray.cells, components, patch)) {
+    for (const Beside& beside : materials_beside<Dim>(stray.cells, components, patch, left_out)) {
       for (const CellId c : stray.cells) patch.relabel(c, beside.material);
       if (excess() <= before) {
         changed.insert(changed.end(), stray.cells.begin(), stray.cells.end());
@@ -137,8 +131,8 @@ std::vector<CellId> relabel_strays(const std::vector<Stray>& strays, const MeshC
 #define TREEMARCH_INSTANTIATE(DIM)                                                                                   \
   template SmallPieces find_small_pieces(const LabelImage<DIM>&, const ComponentMap&, std::span<const std::uint8_t>, \
                                          const Mesh<DIM>&, const MeshComponents<DIM>&, const Execution&);            \
-  template std::vector<CellId> relabel_strays(const std::vector<Stray>&, const MeshComponents<DIM>&, Patch<DIM>&,    \
-                                              Unpincher<DIM>&);
+  template std::vector<CellId> relabel_strays(const std::vector<Stray>&, const MeshComponents<DIM>&, MaterialId,     \
+                                              Patch<DIM>&, Unpincher<DIM>&);
 TREEMARCH_INSTANTIATE(2)
 TREEMARCH_INSTANTIATE(3)
 #undef TREEMARCH_INSTANTIATE

@@ -40,9 +40,10 @@ SmallPieces find_small_pieces(const LabelImage<Dim>& image, const ComponentMap& 
 
 /// Gives each of them to the material beside it with the largest area of facets, first to those that it does not join
 /// to other components, unless that makes more vertices where boundaries are no manifolds. \param components before
-/// anything was relabelled \param patch has the stars of their vertices \return the cells that changed
+/// anything was relabelled \param left_out a material of which all components may be joined, or kOutside \param patch
+/// has the stars of their vertices \return the cells that changed
 template <int Dim>
 std::vector<CellId> relabel_strays(const std::vector<Stray>& strays, const MeshComponents<Dim>& components,
-                                   Patch<Dim>& patch, Unpincher<Dim>& unpincher);
+                                   MaterialId left_out, Patch<Dim>& patch, Unpincher<Dim>& unpincher);
 
 }  // namespace treemarch

@@ -8,12 +8,17 @@
 namespace treemarch {
 
 template <int Dim>
-Band<Dim>::Band(const SimplexLattice<Dim>& lattice, const VertexLabels& labels, Execution& execution)
+Band<Dim>::Band(const SimplexLattice<Dim>& lattice, const VertexLabels& labels, MaterialId left_out,
+                Execution& execution)
     : lattice_(lattice),
       labels_(labels),
-      first_far_(block_count(static_cast<std::int64_t>(lattice.leaves.size()), kLeavesPerBlock)) {
+      left_out_(left_out),
+      first_far_(block_count(static_cast<std::int64_t>(lattice.leaves.size()), kLeavesPerBlock)),
+      leaves_far_(lattice.leaves.size()),
+      leaves_left_out_(lattice.leaves.size()) {
   const auto blocks = static_cast<std::int64_t>(first_far_.size());
   std::vector<Part> parts(blocks);
+  std::vector<std::int64_t> left_out_in(blocks);
   parallel_for_ranges(execution, blocks, 1, [&](std::int64_t begin, std::int64_t end) {
     Part found;
     for (std::int64_t b = begin; b < end; ++b) {
@@ -22,12 +27,17 @@ Band<Dim>::Band(const SimplexLattice<Dim>& lattice, const VertexLabels& labels, 
       found.triangles.clear();
       std::int64_t far = 0;
       sort_block(
-          b, [&](const Simplex& simplex) { find_cuts(simplex, found); }, [&](const Simplex&, MaterialId) { ++far; });
+          b, [](std::int64_t) { return true; }, [&](const Simplex& simplex) { find_cuts(simplex, found); },
+          [&](LeafId leaf, const Simplex&, MaterialId material) {
+            (material == left_out_ ? leaves_left_out_ : leaves_far_).mark(leaf);
+            ++(material == left_out_ ? left_out_in[b] : far);
+          });
       parts[b] = found;
       first_far_[b] = far;
     }
   });
   far_count_ = exclusive_scan(std::span(first_far_));
+  left_out_count_ = exclusive_scan(std::span(left_out_in));
   join(parts, execution);
 }
 

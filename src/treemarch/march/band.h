@@ -12,6 +12,7 @@
 #include "treemarch/core/raw_vector.h"
 #include "treemarch/march/label_sets.h"
 #include "treemarch/march/stencil.h"
+#include "treemarch/mesh/marks.h"
 #include "treemarch/tessellate/body_centred.h"
 
 namespace treemarch {
@@ -20,15 +21,17 @@ namespace treemarch {
 inline constexpr std::int64_t kLeavesPerBlock = 2048;
 
 /// The simplices of a lattice whose vertices do not all have the same single label. All others, the far ones, lie in
-/// one material and have not changed; they are only counted, and listed by for_far() when they are wanted.
+/// one material and have not changed; they are only counted, and listed by for_far() when they are wanted. Those of one
+/// material may be left out.
 template <int Dim>
 class Band {
  public:
   using Simplex = std::array<VertexId, Dim + 1>;
   using Triangle = std::array<VertexId, 3>;  // ascending
 
+  /// \param left_out the material whose far simplices do not count, or kOutside
   /// \throw Error(limits) if the band has 2^32 simplices or more.
-  Band(const SimplexLattice<Dim>& lattice, const VertexLabels& labels, Execution& execution);
+  Band(const SimplexLattice<Dim>& lattice, const VertexLabels& labels, MaterialId left_out, Execution& execution);
 
   /// In the order of the leaves.
   [[nodiscard]] const RawVector<Simplex>& simplices() const { return simplices_; }
@@ -37,6 +40,10 @@ class Band {
   /// Triangles with three cuts, ascending.
   [[nodiscard]] const std::vector<Triangle>& triangles() const { return triangles_; }
   [[nodiscard]] std::int64_t far_count() const { return far_count_; }
+  /// Far simplices that are left out.
+  [[nodiscard]] std::int64_t left_out_count() const { return left_out_count_; }
+  /// Leaves that have some of them.
+  [[nodiscard]] const Marks& leaves_left_out() const { return leaves_left_out_; }
 
   /// Calls visit(number, simplex, material) for each far simplex, from several threads; numbers are 0 to far_count().
   template <class Visit>
@@ -44,8 +51,10 @@ class Band {
     parallel_for(execution, static_cast<std::int64_t>(first_far_.size()), 1, [&](std::int64_t block) {
       std::int64_t next = first_far_[block];
       sort_block(
-          block, [](const Simplex&) {},
-          [&](const Simplex& simplex, MaterialId material) { visit(next++, simplex, material); });
+          block, [&](std::int64_t leaf) { return leaves_far_[static_cast<std::size_t>(leaf)]; }, [](const Simplex&) {},
+          [&](LeafId, const Simplex& simplex, MaterialId material) {
+            if (material != left_out_) visit(next++, simplex, material);
+          });
     });
   }
 
@@ -58,12 +67,13 @@ class Band {
 
   void find_cuts(const Simplex& simplex, Part& part) const;
   void join(std::vector<Part>& parts, Execution& execution);
-  /// Calls near(simplex) or far(simplex, material) for those of a block of leaves.
-  template <class Near, class Far>
-  void sort_block(std::int64_t block, Near&& near, Far&& far) const {
+  /// Calls near(simplex) or far(leaf, simplex, material) for those of a block of leaves for which wanted(leaf) is true.
+  template <class Wanted, class Near, class Far>
+  void sort_block(std::int64_t block, Wanted&& wanted, Near&& near, Far&& far) const {
     std::array<Simplex, LeafStar<Dim>::kMostSimplices> listed;
     const auto n = static_cast<std::int64_t>(lattice_.leaves.size());
     for (std::int64_t leaf = block * kLeavesPerBlock; leaf < std::min(n, (block + 1) * kLeavesPerBlock); ++leaf) {
+      if (!wanted(leaf)) continue;
       const LeafStar<Dim> star = lattice_.star(static_cast<LeafId>(leaf));
       const bool all_far = star.all_of([&](VertexId v) { return labels_.same_single(v, star.centre); });
       const int count = star.simplices(listed);
@@ -71,7 +81,7 @@ class Band {
         bool one = all_far || labels_.single(simplex[0]);
         for (int k = 1; k <= Dim && !all_far; ++k) one &= labels_.same_single(simplex[0], simplex[k]);
         if (one)
-          far(simplex, labels_.of(simplex[0])[0]);
+          far(static_cast<LeafId>(leaf), simplex, labels_.of(simplex[0])[0]);
         else
           near(simplex);
       }
@@ -80,11 +90,13 @@ class Band {
 
   const SimplexLattice<Dim>& lattice_;
   const VertexLabels& labels_;
+  const MaterialId left_out_;
   RawVector<Simplex> simplices_;
   RawVector<std::uint8_t> cuts_;
   std::vector<Triangle> triangles_;
   std::vector<std::int64_t> first_far_;  // far simplices before each block of leaves
-  std::int64_t far_count_ = 0;
+  std::int64_t far_count_ = 0, left_out_count_ = 0;
+  Marks leaves_far_, leaves_left_out_;  // that have some of these
 };
 
 }  // namespace treemarch

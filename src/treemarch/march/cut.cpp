@@ -15,7 +15,7 @@ Mesh<Dim> cut_lattice(const SimplexLattice<Dim>& lattice, const Field<Dim>& fiel
   const SnappedLattice<Dim> snapped =
       snap_vertices(lattice, classify_vertices(lattice, field, execution), field, options.snap, execution);
   execution.progress(0.4);
-  const Band<Dim> band(lattice, snapped.labels, execution);
+  const Band<Dim> band(lattice, snapped.labels, options.left_out, execution);
   CutGeometry<Dim> geometry(lattice, band, snapped);
   geometry.retreat(options.quality_floor, execution);
   execution.progress(0.8);
@@ -23,13 +23,17 @@ Mesh<Dim> cut_lattice(const SimplexLattice<Dim>& lattice, const Field<Dim>& fiel
   mesh.labels = image_labels;
   const EmitReport emitted = emit_pieces(lattice, band, snapped, geometry, field, mesh, execution);
   report.at_interfaces.assign(mesh.points.size(), 1);
-  parallel_for(execution, std::ssize(lattice.vertices), 1 << 16, [&](std::int64_t v) {
-    report.at_interfaces[static_cast<std::size_t>(v)] = !snapped.labels.single(static_cast<VertexId>(v));
+  report.left_out = {band.leaves_left_out(), Marks(lattice.vertices.size())};
+  parallel_for(execution, std::ssize(lattice.vertices), 1 << 16, [&](std::int64_t i) {
+    const auto v = static_cast<VertexId>(i);
+    const bool single = snapped.labels.single(v);
+    report.at_interfaces[v] = !single;
+    if (single && snapped.labels.of(v)[0] == options.left_out) report.left_out.vertices.mark(v);
   });
   report.lattice_vertices = static_cast<std::int64_t>(lattice.vertices.size());
   report.band_simplices = static_cast<std::int64_t>(band.simplices().size());
   report.far_cells = band.far_count();
-  report.lattice_simplices = report.band_simplices + report.far_cells;
+  report.lattice_simplices = report.band_simplices + report.far_cells + band.left_out_count();
   report.cut_edges = emitted.cut_edges;
   report.triple_points = emitted.triple_points;
   report.inner_points = emitted.inner_points;

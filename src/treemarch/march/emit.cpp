@@ -187,6 +187,9 @@ void Emitter<Dim>::write(Mesh<Dim>& mesh) const {
   const std::int64_t far = band_.far_count();
   CellBlock cells;
   cells.type = kSimplex<Dim>;
+  // With room for what is left out, some of which may be asked for later.
+  cells.vertices.reserve((far + pieces_ + band_.left_out_count()) * (Dim + 1));
+  cells.materials.reserve(far + pieces_ + band_.left_out_count());
   cells.vertices.resize((far + pieces_) * (Dim + 1));
   cells.materials.resize(far + pieces_);
   band_.for_far(execution_, [&](std::int64_t i, const Simplex& simplex, MaterialId material) {

@@ -1,19 +1,20 @@
 #include "treemarch/pipeline/drop_material.h"
 
 #include <algorithm>
-#include <atomic>
 #include <span>
 
 #include "treemarch/core/parallel.h"
 #include "treemarch/core/raw_vector.h"
+#include "treemarch/mesh/marks.h"
 
 namespace treemarch {
 namespace {
 
-constexpr std::int64_t kBlock = 1 << 15;
+constexpr std::int64_t kBlock = 1 << 13;
 
 /// Moves what keeps(i) of [0, n) to the front, in order, by move(from, to). Needs no second copy: blocks move at the
-/// same time where their new places were all left by blocks before them. \return how many are kept
+/// same time where they stay in place, or where their new places were all left by blocks before them.
+/// \return how many are kept
 template <class Keeps, class Move>
 std::int64_t keep_in_place(std::int64_t n, const Execution& execution, Keeps&& keeps, Move&& move) {
   const std::int64_t blocks = block_count(n, kBlock);
@@ -24,12 +25,13 @@ std::int64_t keep_in_place(std::int64_t n, const Execution& execution, Keeps&& k
     first[static_cast<std::size_t>(b)] = kept;
   });
   const std::int64_t total = exclusive_scan(std::span(first));
+  const auto new_begin = [&](std::int64_t block) { return first[static_cast<std::size_t>(block)]; };
   for (std::int64_t begin = 0, end = 0; begin < blocks; begin = end) {
     end = begin + 1;
-    while (end < blocks && first[static_cast<std::size_t>(end) + 1] <= begin * kBlock) ++end;
+    while (end < blocks && (new_begin(end) == end * kBlock || new_begin(end + 1) <= begin * kBlock)) ++end;
     parallel_for(execution, end - begin, 1, [&](std::int64_t k) {
       const std::int64_t b = begin + k;
-      std::int64_t to = first[static_cast<std::size_t>(b)];
+      std::int64_t to = new_begin(b);
       for (std::int64_t i = b * kBlock; i < std::min(n, (b + 1) * kBlock); ++i)
         if (keeps(i)) move(i, to++);
     });
@@ -54,26 +56,22 @@ void remove_cells(CellBlock& block, MaterialId material, const Execution& execut
 }
 
 /// Marks the vertices of the cells that are not of a material.
-void mark_used(const CellBlock& block, MaterialId material, std::vector<std::uint8_t>& used,
-               const Execution& execution) {
+void mark_used(const CellBlock& block, MaterialId material, Marks& used, const Execution& execution) {
   const int width = vertex_count(block.type);
   parallel_for(execution, block.size(), kBlock, [&](std::int64_t c) {
     if (block.materials[static_cast<std::size_t>(c)] == material) return;
-    for (const VertexId v : std::span(block.cell(c), static_cast<std::size_t>(width))) {
-      const std::atomic_ref mark(used[v]);
-      if (mark.load(std::memory_order_relaxed) == 0) mark.store(1, std::memory_order_relaxed);
-    }
+    for (const VertexId v : std::span(block.cell(c), static_cast<std::size_t>(width))) used.mark(v);
   });
 }
 
 /// Takes the points that are not used out of a mesh. \return the new number of each point, nothing if all are used
 template <int Dim>
-RawVector<VertexId> remove_points(Mesh<Dim>& mesh, const std::vector<std::uint8_t>& used, const Execution& execution) {
+RawVector<VertexId> remove_points(Mesh<Dim>& mesh, const Marks& used, const Execution& execution) {
   const std::int64_t n = std::ssize(mesh.points);
   const auto points = mesh.points.begin();
   RawVector<VertexId> number(mesh.points.size());
   const std::int64_t kept = keep_in_place(
-      n, execution, [&](std::int64_t v) { return used[static_cast<std::size_t>(v)] != 0; },
+      n, execution, [&](std::int64_t v) { return used[static_cast<std::size_t>(v)]; },
       [&](std::int64_t from, std::int64_t to) {
         points[to] = points[from];
         number[static_cast<std::size_t>(from)] = static_cast<VertexId>(to);
@@ -98,7 +96,7 @@ void drop_cells(Mesh<Dim>& mesh, MaterialId material, const Execution& execution
 
 template <int Dim>
 void drop_unused_points(Mesh<Dim>& mesh, const Execution& execution) {
-  std::vector<std::uint8_t> used(mesh.points.size());
+  Marks used(mesh.points.size());
   for (const CellBlock& block : mesh.blocks) mark_used(block, kOutside, used, execution);
   const RawVector<VertexId> number = remove_points(mesh, used, execution);
   if (number.empty()) return;
@@ -113,7 +111,7 @@ void drop_unused_points(Mesh<Dim>& mesh, const Execution& execution) {
 template <int Dim>
 void drop_material(Mesh<Dim>& mesh, MaterialId material, Execution& execution) {
   const Execution::Stage stage(execution, "drop background");
-  std::vector<std::uint8_t> used(mesh.points.size());
+  Marks used(mesh.points.size());
   for (const CellBlock& block : mesh.blocks) mark_used(block, material, used, execution);
   const RawVector<VertexId> number = remove_points(mesh, used, execution);
   for (CellBlock& block : mesh.blocks)

@@ -111,9 +111,9 @@ Mesh<Dim> shape_mesh(const Shaping<Dim>& how, SimplexLattice<Dim>& lattice, bool
   stage.emplace(execution, "cut");
   CutOptions cut;
   cut.quality_floor = report.quality_floor;
+  cut.left_out = how.left_out;
   Mesh<Dim> mesh = cut_lattice(lattice, field, how.image.labels, cut, report.cut, execution);
   const bool hybrid = how.options.elements == Elements::hybrid;
-  if (last && !hybrid) lattice = {};
 
   stage.emplace(execution, "topology");
   RepairOptions repair;
@@ -121,8 +121,10 @@ Mesh<Dim> shape_mesh(const Shaping<Dim>& how, SimplexLattice<Dim>& lattice, bool
   repair.left_out = how.left_out;
   repair.uniform_cells = report.cut.far_cells;
   repair.at_interfaces = report.cut.at_interfaces;
-  report.repair = repair_topology(mesh, how.image, repair, execution);
+  LeftOutCells<Dim> left_out(lattice, std::move(report.cut.left_out), how.left_out);
+  report.repair = repair_topology(mesh, how.image, repair, execution, &left_out);
   report.cut.at_interfaces = {};
+  if (last && !hybrid) lattice = {};
   std::int64_t far_cells = report.cut.far_cells;
   if (how.left_out != kOutside) {
     const auto materials = mesh.blocks[0].materials.begin();

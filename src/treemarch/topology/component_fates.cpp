@@ -90,16 +90,13 @@ std::vector<std::uint8_t> undecided_blocks(const LabelImage<Dim>& image, const C
   constexpr std::int64_t kRowsPerTask = 256;
   std::vector<std::uint8_t> marks(static_cast<std::size_t>(product(blocks)));
   parallel_for(execution, std::ssize(map.row_begin) - 1, kRowsPerTask, [&](std::int64_t row) {
-    const auto r = static_cast<std::size_t>(row);
     const Coord<Dim> block = UniformBlocks<Dim>::block_of(coord_of(row * map.width, image.extent));
     std::uint8_t* const of_row = marks.data() + linear_index(block, blocks);
-    for (std::size_t i = map.row_begin[r]; i < map.row_begin[r + 1]; ++i) {
-      if (!is_undecided(map, fates, main, map.runs[i].component)) continue;
-      const std::int64_t end = i + 1 < map.row_begin[r + 1] ? map.runs[i + 1].begin : map.width;
-      for (std::int64_t b = map.runs[i].begin >> UniformBlocks<Dim>::kShift;
-           b <= (end - 1) >> UniformBlocks<Dim>::kShift; ++b)
+    map.for_runs(static_cast<std::size_t>(row), [&](std::int64_t begin, std::int64_t end, std::uint32_t component) {
+      if (!is_undecided(map, fates, main, component)) return;
+      for (std::int64_t b = begin >> UniformBlocks<Dim>::kShift; b <= (end - 1) >> UniformBlocks<Dim>::kShift; ++b)
         std::atomic_ref(of_row[b]).store(1, std::memory_order_relaxed);
-    }
+    });
   });
   return marks;
 }

@@ -9,6 +9,7 @@
 
 #include "treemarch/core/execution.h"
 #include "treemarch/image/label_image.h"
+#include "treemarch/mesh/marks.h"
 
 namespace treemarch {
 
@@ -48,6 +49,26 @@ struct ComponentMap {
     const auto last = runs.begin() + static_cast<std::ptrdiff_t>(row_begin[row + 1]);
     return std::prev(std::upper_bound(first, last, x, [](std::int32_t at, const Run& r) { return at < r.begin; }))
         ->component;
+  }
+  /// Calls visit(begin, end, component) for the runs of a row of voxels.
+  template <class Visit>
+  void for_runs(std::size_t row, Visit&& visit) const {
+    for (std::size_t r = row_begin[row]; r < row_begin[row + 1]; ++r)
+      visit(std::int64_t{runs[r].begin}, r + 1 < row_begin[row + 1] ? std::int64_t{runs[r + 1].begin} : width,
+            runs[r].component);
+  }
+  /// The voxels of the components for which wanted(component) is true.
+  template <class Wanted>
+  [[nodiscard]] Marks voxels_of(Wanted&& wanted) const {
+    const std::size_t rows = row_begin.size() - 1;
+    Marks marks(rows * static_cast<std::size_t>(width));
+    for (std::size_t row = 0; row < rows; ++row)
+      for_runs(row, [&](std::int64_t begin, std::int64_t end, std::uint32_t component) {
+        if (wanted(component))
+          marks.mark_run(row * static_cast<std::size_t>(width) + static_cast<std::size_t>(begin),
+                         static_cast<std::size_t>(end - begin));
+      });
+    return marks;
   }
 };
 

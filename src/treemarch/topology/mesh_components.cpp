@@ -191,6 +191,26 @@ std::vector<std::int64_t> MeshComponents<Dim>::count(const Execution& execution)
   return count;
 }
 
+/// The number of a component is that of its smallest vertex off all interfaces, if it has any: mostly an inner one.
+template <int Dim>
+Marks MeshComponents<Dim>::with_inner_vertex(const Execution& execution) const {
+  Marks known(index_end()), open(index_end());
+  parallel_for(execution, std::ssize(cells_at_borders_), kCellsPerTask, [&](std::int64_t i) {
+    const CellPlace& place = cells_at_borders_[static_cast<std::size_t>(i)];
+    const Index component = of(place.block, place.cell);
+    if (!is_cell(component)) (border_[component] == kInside ? known : open).mark(component);
+  });
+  std::size_t left = open.vertices().size();
+  for (std::size_t v = 0; v < border_.size() && left > 0; ++v) {
+    if (border_[v] != kInside) continue;
+    const Index component = sets_.find(static_cast<Index>(v));
+    if (!open[component] || known[component]) continue;
+    known.mark(component);
+    --left;
+  }
+  return known;
+}
+
 template class MeshComponents<2>;
 template class MeshComponents<3>;
 template class MeshComponents<4>;

@@ -11,6 +11,7 @@
 #include "treemarch/core/execution.h"
 #include "treemarch/core/vec.h"
 #include "treemarch/mesh/facets.h"
+#include "treemarch/mesh/marks.h"
 #include "treemarch/mesh/mesh.h"
 #include "treemarch/topology/disjoint_sets.h"
 
@@ -62,10 +63,10 @@ class MeshComponents {
   [[nodiscard]] std::size_t index_end() const { return sets_.size(); }
   /// Whether all cells around a vertex are of one material and close around it.
   [[nodiscard]] bool is_inner(VertexId v) const { return border_[v] == kInside; }
-  /// The component around such a vertex.
-  [[nodiscard]] Index of_inner(VertexId v) const { return sets_.find(v); }
   /// All cells without such a vertex, in their order.
   [[nodiscard]] const std::vector<CellPlace>& cells_at_borders() const { return cells_at_borders_; }
+  /// Of the components of these cells those that have such a vertex elsewhere.
+  [[nodiscard]] Marks with_inner_vertex(const Execution& execution) const;
   /// Components of each material.
   [[nodiscard]] std::vector<std::int64_t> count(const Execution& execution) const;
   /// All facets between two materials and of the hull, by their vertices in ascending order; where the mesh is known to
