@@ -45,13 +45,17 @@ void check_stars(const LabelImage<Dim>& image) {
       const SquaredQualityBound bound(QualityBound(5 + 5 * (trial % 4)));
       Vec<Dim> x = patch.point(v);
       for (int d = 0; d < Dim && trial > 0; ++d) x[d] += some(random);
-      const bool expected = std::ranges::all_of(patch.star(v), [&](CellId c) {
+      std::vector<std::size_t> expected, found;
+      for (std::size_t i = 0; i < cells.size(); ++i) {
+        const SimplexVertices<Dim> cell = patch.cell(patch.star(v)[i]);
         std::array<Vec<Dim>, Dim + 1> p;
-        for (int k = 0; k <= Dim; ++k) p[k] = patch.cell(c)[k] == v ? x : patch.point(patch.cell(c)[k]);
-        return meets(p, bound);
-      });
-      EXPECT_EQ(check.all_meet(x, bound), expected) << "vertex " << v << " trial " << trial;
-      ++(expected ? good : bad);
+        for (int k = 0; k <= Dim; ++k) p[k] = cell[k] == v ? x : patch.point(cell[k]);
+        if (!meets(p, bound)) expected.push_back(i);
+      }
+      check.visit_failing(x, bound, [&](std::size_t i) { found.push_back(i); });
+      EXPECT_EQ(found, expected) << "vertex " << v << " trial " << trial;
+      EXPECT_EQ(check.all_meet(x, bound), expected.empty()) << "vertex " << v << " trial " << trial;
+      ++(expected.empty() ? good : bad);
     }
   }
   EXPECT_GT(good, 100);

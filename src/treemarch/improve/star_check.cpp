@@ -20,9 +20,10 @@ constexpr std::array<std::array<int, Dim>, Dim + 1> kOthers = [] {
 
 using Lanes [[gnu::vector_size(32)]] = double;
 
+/// Bit i: the i-th cell does not meet.
 template <int Dim>
-[[gnu::always_inline]] inline bool group_meets(const double* group, const Vec<Dim>& x,
-                                               const SquaredQualityBound& bound) {
+[[gnu::always_inline]] inline unsigned find_failing(const double* group, const Vec<Dim>& x,
+                                                    const SquaredQualityBound& bound) {
   std::array<std::array<Lanes, Dim>, Dim> edges;
   for (int k = 0; k < Dim; ++k)
     for (int d = 0; d < Dim; ++d) {
@@ -30,18 +31,18 @@ template <int Dim>
       edges[k][d] -= x[d];
     }
   const auto meets = detail::edges_meet(edges, bound);
-  bool all = true;
-  for (std::size_t i = 0; i < sizeof(Lanes) / sizeof(double); ++i) all &= meets[i] != 0;
-  return all;
+  unsigned failing = 0;
+  for (std::size_t i = 0; i < sizeof(Lanes) / sizeof(double); ++i) failing |= unsigned{meets[i] == 0} << i;
+  return failing;
 }
 
 TREEMARCH_VECTOR_CLONES
-bool one_group_meets(const double* group, const Vec<2>& x, const SquaredQualityBound& bound) {
-  return group_meets<2>(group, x, bound);
+unsigned failing_of(const double* group, const Vec<2>& x, const SquaredQualityBound& bound) {
+  return find_failing<2>(group, x, bound);
 }
 TREEMARCH_VECTOR_CLONES
-bool one_group_meets(const double* group, const Vec<3>& x, const SquaredQualityBound& bound) {
-  return group_meets<3>(group, x, bound);
+unsigned failing_of(const double* group, const Vec<3>& x, const SquaredQualityBound& bound) {
+  return find_failing<3>(group, x, bound);
 }
 
 /// By lanes.
@@ -97,6 +98,7 @@ std::array<VertexId, Dim> others_of(const SimplexVertices<Dim>& cell, VertexId v
 
 template <int Dim>
 void StarCheck<Dim>::gather(const std::vector<Vec<Dim>>& points, std::span<const std::array<VertexId, Dim>> cells) {
+  cells_ = cells.size();
   size_ = (cells.size() + kLanes - 1) / kLanes;
   worst_ = 0;
   groups_.resize(size_ * Dim * Dim * kLanes);
@@ -109,11 +111,16 @@ void StarCheck<Dim>::gather(const std::vector<Vec<Dim>>& points, std::span<const
 }
 
 template <int Dim>
+unsigned StarCheck<Dim>::failing_lanes(std::size_t group, const Vec<Dim>& x, const SquaredQualityBound& bound) const {
+  return failing_of(groups_.data() + group * Dim * Dim * kLanes, x, bound);
+}
+
+template <int Dim>
 bool StarCheck<Dim>::all_meet(const Vec<Dim>& x, const SquaredQualityBound& bound) {
   for (std::size_t i = 0; i < size_; ++i) {
     // The one that failed last is likely to do so again.
     const std::size_t group = i == 0 ? worst_ : i <= worst_ ? i - 1 : i;
-    if (one_group_meets(groups_.data() + group * Dim * Dim * kLanes, x, bound)) continue;
+    if (failing_lanes(group, x, bound) == 0) continue;
     worst_ = group;
     return false;
   }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <span>
 #include <utility>
@@ -27,6 +28,13 @@ class StarCheck {
   void gather(const std::vector<Vec<Dim>>& points, std::span<const std::array<VertexId, Dim>> cells);
   /// Whether all of them reach the bound when the vertex is at x.
   [[nodiscard]] bool all_meet(const Vec<Dim>& x, const SquaredQualityBound& bound);
+  /// Calls use(i) for each that does not, in the order they were given.
+  template <class Use>
+  void visit_failing(const Vec<Dim>& x, const SquaredQualityBound& bound, Use&& use) const {
+    for (std::size_t group = 0; group < size_; ++group)
+      for (unsigned lanes = failing_lanes(group, x, bound); lanes != 0; lanes &= lanes - 1)
+        if (const std::size_t i = group * kLanes + std::countr_zero(lanes); i < cells_) use(i);
+  }
   /// The smallest and the largest coordinates of the vertices around it.
   [[nodiscard]] std::pair<Vec<Dim>, Vec<Dim>> bounds() const;
 
@@ -34,7 +42,11 @@ class StarCheck {
   static constexpr int kLanes = 4;
   using Group = double[Dim][Dim][kLanes];  // corner but the vertex, axis, cell
 
+  /// Bit i: the i-th cell of a group does not meet.
+  [[nodiscard]] unsigned failing_lanes(std::size_t group, const Vec<Dim>& x, const SquaredQualityBound& bound) const;
+
   std::vector<double> groups_;
+  std::size_t cells_ = 0;
   std::size_t size_ = 0;   // in groups
   std::size_t worst_ = 0;  // group that failed last
 };

@@ -2,52 +2,59 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <utility>
 #include <vector>
+
+#include "treemarch/core/scramble.h"
 
 namespace treemarch {
 namespace {
 
-/// Whether the facets around v that have one cell all lie on the box.
-template <int Dim>
-bool hull_is_box(const Patch<Dim>& patch, VertexId v, const Vec<Dim>& box) {
-  using Rim = std::array<VertexId, Dim - 1>;  // a facet around v, without v
-  std::vector<Rim> rims;
+/// Calls use(rim) for each facet of each cell around v that has v, with its other vertices ascending.
+template <int Dim, class Use>
+void for_rims(const Patch<Dim>& patch, VertexId v, Use&& use) {
   for (const CellId c : patch.star(v)) {
     const SimplexVertices<Dim> cell = patch.cell(c);
     for (int skip = 0; skip <= Dim; ++skip) {
       if (cell[skip] == v) continue;
-      Rim rim{};
+      std::array<VertexId, Dim - 1> rim{};
       int n = 0;
       for (int k = 0; k <= Dim; ++k)
         if (k != skip && cell[k] != v) rim[n++] = cell[k];
-      std::ranges::sort(rim);
-      rims.push_back(rim);
+      if (rim.back() < rim.front()) std::swap(rim.front(), rim.back());
+      use(rim);
     }
   }
+}
+
+/// Whether no facet around v has one cell only: each comes twice, so that sums (xor) of their hashes cancel.
+template <int Dim>
+bool is_closed(const Patch<Dim>& patch, VertexId v) {
+  std::uint64_t sum = 0;
+  for_rims(patch, v, [&](const auto& rim) { sum ^= scramble((std::uint64_t{rim.front()} << 32U | rim.back()) + 1); });
+  return sum == 0;
+}
+
+/// Whether the facets around v that have one cell all lie on the box.
+template <int Dim>
+bool hull_is_box(const Patch<Dim>& patch, VertexId v, unsigned box_axes) {
+  if (box_axes == 0) return is_closed(patch, v);
+  std::vector<std::array<VertexId, Dim - 1>> rims;
+  for_rims(patch, v, [&](const auto& rim) { rims.push_back(rim); });
   std::ranges::sort(rims);
   for (std::size_t i = 0; i < rims.size(); ++i) {
     if (i + 1 < rims.size() && rims[i] == rims[i + 1]) {
       ++i;
       continue;
     }
-    unsigned axes = box_axes<Dim>(patch.point(v), box);
+    unsigned axes = box_axes;
     for (const VertexId w : rims[i])
       for (int d = 0; d < Dim; ++d)
         if (patch.point(w)[d] != patch.point(v)[d]) axes &= ~(1U << d);
     if (axes == 0) return false;
   }
   return true;
-}
-
-template <int Dim>
-bool is_closed(const Patch<Dim>& patch, VertexId v) {
-  // Euler: a closed link of n vertices has 2 n - 4 triangles, or n lines in the plane.
-  std::array<VertexId, 256> ring;
-  std::size_t n = 0;
-  for (const CellId c : patch.star(v))
-    for (const VertexId w : patch.cell(c))
-      if (w != v && n < ring.size() && std::find(ring.begin(), ring.begin() + n, w) == ring.begin() + n) ring[n++] = w;
-  return patch.star(v).size() == (Dim == 3 ? 2 * n - 4 : n);
 }
 
 }  // namespace
@@ -75,7 +82,7 @@ Stratum stratum_of(const Patch<Dim>& patch, VertexId v, const Vec<Dim>& box, con
   for (const CellId c : patch.star(v))
     if (patch.material(c) != last) s.add(last = patch.material(c));
   s.fixed_axes = box_axes(patch.point(v), box);
-  if (is_closed(patch, v) || hull_is_box(patch, v, box)) return s;
+  if (hull_is_box(patch, v, s.fixed_axes)) return s;
   s.open = true;
   std::array<LabelWeight, 8> found;
   const int n = field.sample(patch.point(v), found);

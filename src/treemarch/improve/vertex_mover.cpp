@@ -5,6 +5,8 @@
 #include <cmath>
 #include <vector>
 
+#include "treemarch/improve/star_check.h"
+
 namespace treemarch {
 namespace {
 
@@ -12,75 +14,88 @@ constexpr double kRise = 0.01;  // degrees: less is no progress
 // Degrees above the worst: cells whose gradients count. Where no direction suits all of them, fewer are asked.
 constexpr double kActive[] = {1.5, 0.3};
 
-/// The cells around a vertex with their points at hand.
+/// The cells around a vertex. Most are far above any bound that is asked for, which a test of several at once tells;
+/// only angles of others are computed.
 template <int Dim>
 class StarShape {
  public:
-  StarShape(const Patch<Dim>& patch, VertexId v) : x_(patch.point(v)) {
-    const auto star = patch.star(v);
-    corner_.resize(star.size());
-    own_.resize(star.size());
-    Vec<Dim> sum{};
-    shortest_ = -1;
-    for (std::size_t i = 0; i < star.size(); ++i) {
-      const SimplexVertices<Dim> cell = patch.cell(star[i]);
-      for (int k = 0; k <= Dim; ++k) {
-        corner_[i][k] = patch.point(cell[k]);
-        if (cell[k] == v) {
-          own_[i] = k;
-          continue;
-        }
-        sum = sum + corner_[i][k];
-        const double length = squared_norm(corner_[i][k] - x_);
-        if (shortest_ < 0 || length < shortest_) shortest_ = length;
-      }
-    }
-    shortest_ = std::sqrt(shortest_);
-    // A neighbour counts once for each cell that it shares with v.
-    mean_ = (1.0 / static_cast<double>(Dim * star.size())) * sum;
+  StarShape(const Patch<Dim>& patch, VertexId v) : patch_(patch), v_(v) {
+    thread_local std::vector<std::array<VertexId, Dim>> others;
+    others.clear();
+    for (const CellId c : patch.star(v)) others.push_back(others_of<Dim>(patch.cell(c), v));
+    cells_.gather(patch.points(), others);
   }
 
-  [[nodiscard]] AngleRange angles(std::size_t i, const Vec<Dim>& x) const {
-    auto p = corner_[i];
-    p[own_[i]] = x;
-    return angle_range<Dim>(p);
-  }
-  [[nodiscard]] double quality_at(const Vec<Dim>& x) const {
+  /// The worst, if it is below a limit; otherwise something that is not. \pre limit is above 0
+  [[nodiscard]] double quality_at(const Vec<Dim>& x, double limit) const {
     AngleRange all;
-    for (std::size_t i = 0; i < corner_.size(); ++i) all.merge(angles(i, x));
+    visit_below(limit, x, [&](CellId c) { all.merge(angles(c, x)); });
     return quality(all);
   }
-  [[nodiscard]] bool all_meet(const Vec<Dim>& x, const QualityBound& bound) const {
-    for (std::size_t i = 0; i < corner_.size(); ++i)
-      if (!meets(angles(i, x), bound)) return false;
-    return true;
+  [[nodiscard]] bool all_meet(const Vec<Dim>& x, double limit) const {
+    const QualityBound bound(limit);
+    bool all = true;
+    visit_below(limit, x, [&](CellId c) { all = all && meets(angles(c, x), bound); });
+    return all;
   }
-  /// Gradients of the qualities below a limit.
-  [[nodiscard]] std::vector<Vec<Dim>> gradients_below(double limit, const Vec<Dim>& x) const {
+  /// Gradients of the qualities below a limit, by differences.
+  [[nodiscard]] std::vector<Vec<Dim>> gradients_below(double limit, const Vec<Dim>& x, double step) const {
     std::vector<Vec<Dim>> all;
     const QualityBound active(limit);
-    const double step = 1e-4 * shortest_;
-    for (std::size_t i = 0; i < corner_.size(); ++i) {
-      if (meets(angles(i, x), active)) continue;
+    visit_below(limit, x, [&](CellId c) {
+      if (meets(angles(c, x), active)) return;
       Vec<Dim> g{};
       for (int d = 0; d < Dim; ++d) {
         Vec<Dim> up = x, down = x;
         up[d] += step;
         down[d] -= step;
-        g[d] = (quality(angles(i, up)) - quality(angles(i, down))) / (2 * step);
+        g[d] = (quality(angles(c, up)) - quality(angles(c, down))) / (2 * step);
       }
       all.push_back(g);
-    }
+    });
     return all;
   }
-  [[nodiscard]] const Vec<Dim>& mean() const { return mean_; }
-  [[nodiscard]] double shortest() const { return shortest_; }
+  /// Of the vertices around it; each counts once for each cell that it shares with v.
+  [[nodiscard]] Vec<Dim> mean() const {
+    Vec<Dim> sum{};
+    for_neighbours([&](const Vec<Dim>& x) { sum = sum + x; });
+    return (1.0 / static_cast<double>(Dim * patch_.star(v_).size())) * sum;
+  }
+  /// Length of an edge.
+  [[nodiscard]] double shortest() const {
+    double shortest = -1;
+    for_neighbours([&](const Vec<Dim>& x) {
+      const double length = squared_norm(x - patch_.point(v_));
+      if (shortest < 0 || length < shortest) shortest = length;
+    });
+    return std::sqrt(shortest);
+  }
 
  private:
-  Vec<Dim> x_, mean_{};
-  double shortest_ = 0;
-  std::vector<std::array<Vec<Dim>, Dim + 1>> corner_;
-  std::vector<int> own_;
+  [[nodiscard]] AngleRange angles(CellId c, const Vec<Dim>& x) const {
+    const SimplexVertices<Dim> cell = patch_.cell(c);
+    std::array<Vec<Dim>, Dim + 1> p;
+    for (int k = 0; k <= Dim; ++k) p[k] = cell[k] == v_ ? x : patch_.point(cell[k]);
+    return angle_range<Dim>(p);
+  }
+  /// Calls use(c) for all cells whose quality is below a limit, and maybe for some that are hardly above it.
+  template <class Use>
+  void visit_below(double limit, const Vec<Dim>& x, Use&& use) const {
+    constexpr double kRounding = 1e-4, kBest = 71;  // degrees; no simplex has the latter
+    const auto star = patch_.star(v_);
+    cells_.visit_failing(x, SquaredQualityBound(QualityBound(std::min(std::abs(limit) + kRounding, kBest))),
+                         [&](std::size_t i) { use(star[i]); });
+  }
+  template <class Use>
+  void for_neighbours(Use&& use) const {
+    for (const CellId c : patch_.star(v_))
+      for (const VertexId w : patch_.cell(c))
+        if (w != v_) use(patch_.point(w));
+  }
+
+  const Patch<Dim>& patch_;
+  VertexId v_;
+  StarCheck<Dim> cells_;
 };
 
 /// The point of the hull of g that is nearest to the origin, by Frank-Wolfe steps.
@@ -114,8 +129,10 @@ class Search {
         best_(patch.point(v)) {}
 
   bool run(Vec<Dim>& x) {
-    quality_ = shape_.quality_at(best_);
-    if (quality_ >= limits_.goal || !can_move()) return false;
+    if (!can_move()) return false;
+    quality_ = shape_.quality_at(best_, limits_.goal);
+    if (quality_ >= limits_.goal) return false;
+    shortest_ = shape_.shortest();
     offset_ = offset(best_);
     const double first = quality_;
     for (const double part : {1.0, 0.4})
@@ -143,12 +160,12 @@ class Search {
     return std::ranges::any_of(kActive, [&](double active) { return climb(active); });
   }
   bool climb(double active) {
-    auto gradients = shape_.gradients_below(quality_ + active, best_);
+    auto gradients = shape_.gradients_below(quality_ + active, best_, 1e-4 * shortest_);
     for (Vec<Dim>& g : gradients) g = along(g);
     const Vec<Dim> up = nearest_in_hull(gradients);
     const double slope = norm(up);
-    if (!(slope * shape_.shortest() > 1e-2)) return false;
-    double step = 0.2 * shape_.shortest();
+    if (!(slope * shortest_ > 1e-2)) return false;
+    double step = 0.2 * shortest_;
     for (int halving = 0; halving < 6; ++halving, step *= 0.5)
       if (attempt((step / slope) * up)) return true;
     return false;
@@ -165,13 +182,13 @@ class Search {
 
   bool take(const Vec<Dim>& x) {
     if (squared_norm(x - start_) > limits_.displacement * limits_.displacement) return false;
-    if (!shape_.all_meet(x, QualityBound(quality_ + kRise))) return false;
+    if (!shape_.all_meet(x, quality_ + kRise)) return false;
     if (stratum_.count > 1) {
       const double off = offset(x);
       if (off > std::max(offset_, loose_ || bound_to_start() ? limits_.slack : 0.2 * limits_.slack)) return false;
     }
     best_ = x;
-    quality_ = shape_.quality_at(x);
+    quality_ = shape_.quality_at(x, limits_.goal);
     return true;
   }
 
@@ -181,6 +198,7 @@ class Search {
   MoveLimits limits_;
   bool loose_;
   Vec<Dim> start_, best_;
+  double shortest_ = 0;  // edge
   double quality_ = 0, offset_ = 0;
 };
 
@@ -208,10 +226,9 @@ bool find_nearer_place(const Patch<Dim>& patch, VertexId v, const Field<Dim>& fi
   const Vec<Dim> rest = constraint.to_stratum(here + move);
   if (norm(rest) < 0.5 * offset) move = move + rest;
   const StarShape<Dim> shape(patch, v);
-  const QualityBound bound(limits.goal);
   for (const double part : {1.0, 0.5, 0.25}) {
     x = here + part * move;
-    if (squared_norm(x - start) <= limits.displacement * limits.displacement && shape.all_meet(x, bound) &&
+    if (squared_norm(x - start) <= limits.displacement * limits.displacement && shape.all_meet(x, limits.goal) &&
         norm(constraint.to_stratum(x)) < offset)
       return true;
   }
