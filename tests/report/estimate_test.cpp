@@ -68,6 +68,7 @@ TEST(Estimate, CountsWhatIsHeldForEachVoxel) {
   SizingRule sized;
   sized.voxel_size.resize(static_cast<std::size_t>(voxels));
   EXPECT_EQ(memory(sized, false), plain + 5 * voxels);
+  EXPECT_EQ(memory({.few_voxels = {{7, 1}}}, false), plain + voxels);
   CompactArray wide(voxels, 1 << 20);
   for (std::int64_t i = 0; i < voxels; ++i) wide.set(i, image.voxels[i]);
   image.voxels = wide;

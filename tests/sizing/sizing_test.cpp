@@ -104,6 +104,24 @@ TEST(RequiredLevels, CellsOfAnySizeTakeTheFinestDemandOfTheirVoxels) {
   }
 }
 
+TEST(RequiredLevels, SizesOfFewVoxelsAreThoseOfAListOfAll) {
+  const auto image = blocks({40, 24, 36}, 8);
+  SizingRule all{.min_size = 8, .max_size = 16}, few = all;
+  all.voxel_size.resize(static_cast<std::size_t>(product(image.extent)));
+  for (std::int64_t v = 0; v < product(image.extent); v += 977) {
+    few.few_voxels.push_back({v, v % 2 ? 1.0F : 2.5F});
+    all.voxel_size[static_cast<std::size_t>(v)] = few.few_voxels.back().size;
+  }
+  const Execution execution(2);
+  for (const Coord<3>& cells : {image.extent, Coord<3>{20, 12, 18}, {57, 31, 36}}) {
+    const auto sized = sized_for(image, {"2", "2", "2", "2"}, cells);
+    const auto levels = required_levels(image, sized, few, execution);
+    EXPECT_EQ(levels, required_levels(image, sized, all, execution));
+    EXPECT_NE(levels, required_levels(image, sized, {.min_size = 8, .max_size = 16}, execution));
+  }
+  EXPECT_EQ(smallest_size(few, 0), 1);
+}
+
 TEST(RequiredLevels, NoSizeAsksForTheLevelsThatOnlyFillTheBox) {
   const auto image = blocks({39, 24, 36}, 7);
   SizingRule rule;

@@ -56,8 +56,8 @@ SizingRule complete_sizes(const LabelImage<Dim>& image, const MeshOptions& optio
       take(default_sizes(image, options.detail, {.least = fine_layers ? least : 0, .largest = rule.max_size},
                          execution));
       const MaterialId background = options.keep_background ? kOutside : material_of(image.labels, options.background);
-      add_component_sizes<Dim>(image, {options.min_component, background, rule.floor_size, least}, rule.voxel_size,
-                               execution);
+      rule.few_voxels =
+          component_sizes<Dim>(image, {options.min_component, background, rule.floor_size, least}, execution);
     }
   }
   return rule;

@@ -89,8 +89,9 @@ MeshEstimate estimate_mesh(const LabelImage<Dim>& image, const SizingRule& sizes
                        kCellsPerLeaf[Dim] * volume / std::pow(largest, Dim);
   estimate.cells = static_cast<std::int64_t>(std::min(cells, 1e18));
   // Sizes by place are searched for with a mark a voxel.
+  const bool by_place = !sizes.voxel_size.empty() || !sizes.few_voxels.empty();
   const double per_voxel = kBytesPerVoxel + image.voxels.width() + (grey ? sizeof(float) : 0) +
-                           (sizes.voxel_size.empty() ? 0 : sizeof(float) + 1);
+                           (sizes.voxel_size.empty() ? 0 : sizeof(float)) + (by_place ? 1 : 0);
   estimate.memory_bytes = static_cast<std::int64_t>(
       std::min(kBytesAlways + kBytesPerCell * cells + per_voxel * static_cast<double>(product(image.extent)), 1e18));
   return estimate;

@@ -3,7 +3,6 @@
 #include <array>
 #include <cmath>
 
-#include "treemarch/sizing/sizing_rule.h"
 #include "treemarch/topology/image_components.h"
 
 namespace treemarch {
@@ -57,8 +56,8 @@ class Flood {
 }  // namespace
 
 template <int Dim>
-std::int64_t add_component_sizes(const LabelImage<Dim>& image, const ComponentSizing& sizing, std::vector<float>& sizes,
-                                 const Execution& execution) {
+std::vector<SizingRule::Voxel> component_sizes(const LabelImage<Dim>& image, const ComponentSizing& sizing,
+                                               const Execution& execution) {
   // Longer wires and wider sheets than this many cells have not so many voxels that their label's share would be
   // unknown to sizes by material.
   constexpr double kMostCells = 64;
@@ -73,9 +72,9 @@ std::int64_t add_component_sizes(const LabelImage<Dim>& image, const ComponentSi
         static_cast<double>(c.voxels) <= most_voxels)
       small.push_back(&c);
   }
-  if (small.empty()) return 0;
+  std::vector<SizingRule::Voxel> sizes;
+  if (small.empty()) return sizes;
   Flood<Dim> flood(image);
-  std::int64_t count = 0;
   for (const ImageComponent* c : small) {
     const std::vector<std::int64_t>& voxels = flood.gather(c->first_voxel);
     if (flood.area() == 0) continue;  // it fills the image
@@ -84,19 +83,12 @@ std::int64_t add_component_sizes(const LabelImage<Dim>& image, const ComponentSi
     double size = sizing.floor;
     while (size > wanted * kSizeTolerance && size / 2 * kSizeTolerance >= sizing.least) size /= 2;
     if (size == sizing.floor) continue;
-    ++count;
-    sizes.resize(static_cast<std::size_t>(image.voxels.size()), 0);
-    for (const std::int64_t v : voxels) {
-      float& own = sizes[static_cast<std::size_t>(v)];
-      own = own > 0 ? std::min(own, static_cast<float>(size)) : static_cast<float>(size);
-    }
+    for (const std::int64_t v : voxels) sizes.push_back({v, static_cast<float>(size)});
   }
-  return count;
+  return sizes;
 }
 
-template std::int64_t add_component_sizes(const LabelImage<2>&, const ComponentSizing&, std::vector<float>&,
-                                          const Execution&);
-template std::int64_t add_component_sizes(const LabelImage<3>&, const ComponentSizing&, std::vector<float>&,
-                                          const Execution&);
+template std::vector<SizingRule::Voxel> component_sizes(const LabelImage<2>&, const ComponentSizing&, const Execution&);
+template std::vector<SizingRule::Voxel> component_sizes(const LabelImage<3>&, const ComponentSizing&, const Execution&);
 
 }  // namespace treemarch

@@ -7,6 +7,7 @@
 
 #include "treemarch/core/execution.h"
 #include "treemarch/image/label_image.h"
+#include "treemarch/sizing/sizing_rule.h"
 
 namespace treemarch {
 
@@ -17,12 +18,12 @@ struct ComponentSizing {
   double least = 0;                ///< no size below this is asked for, > 0
 };
 
-/// Lowers `sizes` (SizingRule::voxel_size, filled with 0 if it is empty and something is asked for) in the components
-/// (voxels of a material joined over faces) that cells of `floor` are too large for: those whose volume is less than
-/// that of a cube of a cell's side, or whose thickness, twice their volume over their area, is less than a third of it
-/// as that of a cube is. Sizes are halves of the floor. \return number of components that get smaller cells
+/// Asks for sizes in the voxels of the components (joined over faces) that cells of `floor` are too large for: those
+/// whose volume is less than that of a cube of a cell's side, or whose thickness, twice their volume over their area,
+/// is less than a third of it as that of a cube is. Sizes are halves of the floor, components come by their first
+/// voxels.
 template <int Dim>
-std::int64_t add_component_sizes(const LabelImage<Dim>& image, const ComponentSizing& sizing, std::vector<float>& sizes,
-                                 const Execution& execution);
+std::vector<SizingRule::Voxel> component_sizes(const LabelImage<Dim>& image, const ComponentSizing& sizing,
+                                               const Execution& execution);
 
 }  // namespace treemarch

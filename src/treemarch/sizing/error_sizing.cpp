@@ -5,6 +5,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "treemarch/core/parallel.h"
@@ -14,7 +15,6 @@ namespace treemarch {
 namespace {
 
 constexpr std::uint32_t kNone = 0xffffffffU;
-constexpr double kUnknown = -std::numeric_limits<double>::infinity();
 constexpr double kTie = 1e-9;
 constexpr double kMargin = 0.25;     // of the side: voxels around a cell that count as well
 constexpr std::int64_t kPiece = 8;   // voxels
@@ -64,11 +64,10 @@ class LinearLabels {
   struct Label {
     MaterialId material;
     bool on_rim = false;
-    std::int64_t voxels = 0, right = 0;
+    std::int64_t voxels = 0, right = 0, suspects = 0;
     double mean = 0;
     Vec<Dim> slope{};      // until fit(): sum of the places
     double along_row = 0;  // at the begin of a row
-    double limit = 0;      // of half_space()
   };
 
   /// Twice the place relative to the middle of the box: a whole number.
@@ -152,34 +151,60 @@ class LinearLabels {
         Label& l = labels_[*own];
         const double along = l.along_row + k * (2 * l.slope[0]);
         if (most_[static_cast<std::size_t>(k)] > l.mean + along + kTie)
-          suspects_.push_back({*own, along});
+          suspects_.push_back({*own, along}), ++l.suspects;
         else
           ++l.right;
       }
     });
   }
+  /// Labels with many suspects come first, and no more are judged than decide.
   bool judge_suspects(const VoxelBox<Dim>& box, double most_volume) {
-    for (Label& l : labels_) l.limit = kUnknown;
-    std::int64_t wrong = 0;
-    for (const auto& [place, along] : suspects_) {
+    order_.resize(labels_.size());
+    std::iota(order_.begin(), order_.end(), 0U);
+    std::ranges::sort(order_, [&](std::uint32_t a, std::uint32_t b) {
+      return std::pair(-labels_[a].suspects, a) < std::pair(-labels_[b].suspects, b);
+    });
+    const bool may_lose = loses_a_piece();
+    std::int64_t wrong = 0, left = std::ssize(suspects_);
+    for (const std::uint32_t place : order_) {
+      if (left == 0 || (!may_lose && volume(wrong + left) <= most_volume)) break;
       Label& l = labels_[place];
-      if (l.limit == kUnknown) l.limit = half_space(l, box) - kTie;
-      if (along >= l.limit)
-        ++l.right;
-      else if (volume(++wrong) > most_volume)
-        return true;
+      left -= l.suspects;
+      const double limit = half_space(l, box) - kTie;
+      for (const auto& [of, along] : suspects_)
+        if (of == place) ++(along >= limit ? l.right : wrong);
+      if (volume(wrong) > most_volume) return true;
     }
     return wrong > 0 && loses_a_piece();
   }
-  /// The value along the slope of a label above which lie as many voxels of the box as it has.
+  /// The value along the slope of a label above which lie as many voxels of the box as it has. Values are sorted into
+  /// bins by their order, of which one holds the wanted one.
   double half_space(const Label& label, const VoxelBox<Dim>& box) {
-    along_.clear();
+    constexpr int kBins = 128;
+    const std::int32_t width = box.end[0] - box.begin[0];
+    const double step = 2 * label.slope[0];
+    double most = 0;
+    for (int d = 0; d < Dim; ++d) most += std::abs(label.slope[d]) * (box.end[d] - box.begin[d]);
+    const double per_bin = most > 0 ? 0.5 * kBins / most : 0;
+    const auto bin_of = [&](double along) { return static_cast<int>((most - along) * per_bin) & (kBins - 1); };
+    std::array<std::int32_t, kBins> count{};
+    along_.resize(own_.size());
+    double* to = along_.data();
     for_each_row(box, image_.extent, [&](const Coord<Dim>& c, std::int64_t) {
       const double begin = dot(label.slope, relative(c, box));
-      for (std::int32_t k = 0; k < box.end[0] - box.begin[0]; ++k) along_.push_back(begin + k * (2 * label.slope[0]));
+      for (std::int32_t k = 0; k < width; ++k, ++to) {
+        *to = begin + k * step;
+        ++count[static_cast<std::size_t>(bin_of(*to))];
+      }
     });
-    const auto at = along_.begin() + (label.voxels - 1);
-    std::ranges::nth_element(along_, at, std::greater<>());
+    std::int64_t rank = label.voxels - 1;
+    int bin = 0;
+    for (; rank >= count[static_cast<std::size_t>(bin)]; ++bin) rank -= count[static_cast<std::size_t>(bin)];
+    in_bin_.clear();
+    for (const double along : along_)
+      if (bin_of(along) == bin) in_bin_.push_back(along);
+    const auto at = in_bin_.begin() + rank;
+    std::ranges::nth_element(in_bin_, at, std::greater<>());
     return *at;
   }
 
@@ -189,7 +214,8 @@ class LinearLabels {
   std::vector<std::uint32_t> own_;                          // label of each voxel of the box
   std::vector<std::pair<std::uint32_t, double>> suspects_;  // label and place along its slope
   std::vector<double> most_;                                // largest function along a row
-  std::vector<double> along_;
+  std::vector<std::uint32_t> order_;                        // of labels_, as they are judged
+  std::vector<double> along_, in_bin_;
 };
 
 /// The cells of one level.

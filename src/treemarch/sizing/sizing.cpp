@@ -87,8 +87,9 @@ class Demand {
     }
   }
 
-  /// Raises the level of each cell to the highest that is demanded of it.
-  void raise(std::vector<std::uint8_t>& levels, const Execution& execution) const {
+  /// Raises the level of each cell to the highest that is demanded of it, and to that of single voxels.
+  void raise(std::vector<std::uint8_t>& levels, std::span<const SizingRule::Voxel> few,
+             const Execution& execution) const {
     // By layers of cells, so that no two threads write to one of them.
     constexpr int kLast = Dim - 1;
     const AxisCover cover(image_.extent[kLast], cells_[kLast]);
@@ -96,7 +97,9 @@ class Demand {
         std::max<std::int64_t>(1, UniformBlocks<Dim>::kSide * cover.cells / std::max<std::int64_t>(1, cover.voxels));
     parallel_for(execution, block_count(cover.cells, per_task), 1, [&](std::int64_t task) {
       Layers layers{static_cast<std::int32_t>(task * per_task),
-                    static_cast<std::int32_t>(std::min(cover.cells, (task + 1) * per_task)), levels.data()};
+                    static_cast<std::int32_t>(std::min(cover.cells, (task + 1) * per_task)),
+                    levels.data(),
+                    {}};
       const std::int32_t first = cover.first_voxel(layers.begin), last = cover.last_voxel(layers.end);
       VoxelBox<Dim> blocks{{}, uniform_.extent()};
       blocks.begin[kLast] = first >> UniformBlocks<Dim>::kShift;
@@ -110,6 +113,9 @@ class Demand {
         }
       });
     });
+    const Layers all{0, cells_[kLast], levels.data(), {}};
+    for (const auto& [voxel, size] : few)
+      raise_to(one_voxel(coord_of(voxel, image_.extent)), levels_.level_of(size), all);
   }
 
  private:
@@ -119,10 +125,11 @@ class Demand {
   /// Cells of some layers along the last axis.
   struct Layers {
     std::int32_t begin, end;
-    std::uint8_t* levels;  // of all cells
+    std::uint8_t* levels;           // of all cells
+    std::vector<std::uint8_t> row;  // scratch: demanded along the first axis
   };
 
-  void raise(const VoxelBox<Dim>& box, const Layers& layers) const {
+  void raise(const VoxelBox<Dim>& box, Layers& layers) const {
     Coord<Dim> around = box.begin;  // and one voxel more
     for (auto& c : around) c = std::max(0, c - 1);
     const MaterialId material = uniform_.within(around, box.end);
@@ -135,23 +142,41 @@ class Demand {
   }
 
   template <class T>
-  void raise_by_voxels(const VoxelBox<Dim>& box, const T* voxels, const Layers& layers) const {
+  void raise_by_voxels(const VoxelBox<Dim>& box, const T* voxels, Layers& layers) const {
     for_each_row(box, image_.extent, [&](Coord<Dim> c, std::int64_t i) {
+      // Neighbours across the row, which all of its voxels have or none; a voxel stands for those that are not there.
+      std::array<std::int64_t, 2 * (Dim - 1) + 1> across{};
+      for (int d = 1; d < Dim; ++d) {
+        if (c[d] > 0) across[static_cast<std::size_t>(2 * d - 2)] = -stride_[d];
+        if (c[d] + 1 < image_.extent[d]) across[static_cast<std::size_t>(2 * d - 1)] = stride_[d];
+      }
+      VoxelBox<Dim> row{c, c};
+      for (int d = 0; d < Dim; ++d) row.end[d] = d == 0 ? box.end[0] : c[d] + 1;
+      const VoxelBox<Dim> cells = cells_of(row, layers);
+      layers.row.assign(static_cast<std::size_t>(cells.end[0] - cells.begin[0]), 0);
       for (; c[0] < box.end[0]; ++c[0], ++i) {
         const T own = voxels[i];
         std::uint8_t level = 0;
         bool inside = true;
-        const auto look = [&](std::int64_t neighbour) {
-          if (voxels[neighbour] == own) return;
-          level = std::max(level, levels_.interface(own, voxels[neighbour]));
+        const auto look = [&](T neighbour) {
+          if (neighbour == own) return;
+          level = std::max(level, levels_.interface(own, neighbour));
           inside = false;
         };
-        for (int d = 0; d < Dim; ++d) {
-          if (c[d] > 0) look(i - stride_[d]);
-          if (c[d] + 1 < image_.extent[d]) look(i + stride_[d]);
+        if (c[0] > 0) look(voxels[i - 1]);
+        if (c[0] + 1 < image_.extent[0]) look(voxels[i + 1]);
+        for (const std::int64_t step : across) look(voxels[i + step]);
+        if (inside) level = levels_.material(own);
+        const auto [begin, end] = spans_[0][static_cast<std::size_t>(c[0])];
+        for (std::int32_t x = std::max(begin, cells.begin[0]); x < std::min(end, cells.end[0]); ++x) {
+          std::uint8_t& here = layers.row[static_cast<std::size_t>(x - cells.begin[0])];
+          here = std::max(here, level);
         }
-        raise_to(one_voxel(c), inside ? levels_.material(own) : level, layers);
       }
+      for_each_row(cells, cells_, [&](const Coord<Dim>&, std::int64_t at) {
+        for (std::size_t k = 0; k < layers.row.size(); ++k)
+          layers.levels[at + k] = std::max(layers.levels[at + k], layers.row[k]);
+      });
     });
   }
   void raise_by_sizes(const VoxelBox<Dim>& box, std::span<const float> sizes, const Layers& layers) const {
@@ -167,8 +192,8 @@ class Demand {
     return box;
   }
 
-  /// All cells that a box of voxels overlaps.
-  void raise_to(const VoxelBox<Dim>& voxels, std::uint8_t level, const Layers& layers) const {
+  /// All cells of some layers that a box of voxels overlaps.
+  VoxelBox<Dim> cells_of(const VoxelBox<Dim>& voxels, const Layers& layers) const {
     VoxelBox<Dim> cells;
     for (int d = 0; d < Dim; ++d) {
       cells.begin[d] = spans_[d][static_cast<std::size_t>(voxels.begin[d])].begin;
@@ -176,6 +201,10 @@ class Demand {
     }
     cells.begin[Dim - 1] = std::max(cells.begin[Dim - 1], layers.begin);
     cells.end[Dim - 1] = std::min(cells.end[Dim - 1], layers.end);
+    return cells;
+  }
+  void raise_to(const VoxelBox<Dim>& voxels, std::uint8_t level, const Layers& layers) const {
+    const VoxelBox<Dim> cells = cells_of(voxels, layers);
     for_each_row(cells, cells_, [&](const Coord<Dim>& c, std::int64_t at) {
       for (std::int64_t i = at; i < at + cells.end[0] - c[0]; ++i) layers.levels[i] = std::max(layers.levels[i], level);
     });
@@ -203,7 +232,7 @@ std::vector<std::uint8_t> required_levels(const LabelImage<Dim>& image, const Si
                          longest_side(lattice, 0), execution);
   std::vector<std::uint8_t> levels(static_cast<std::size_t>(product(lattice.lattice.extent)));
   const std::array<std::span<const float>, 2> sizes{rule.voxel_size, layers};
-  Demand<Dim>(image, by_rule, sizes, lattice.lattice.extent, execution).raise(levels, execution);
+  Demand<Dim>(image, by_rule, sizes, lattice.lattice.extent, execution).raise(levels, rule.few_voxels, execution);
   if (rule.tolerance > 0) {
     const int last = rule.floor_size > 0 ? by_rule.level_of(rule.floor_size) : lattice.deepest_level;
     refine_by_error(image, lattice, rule.tolerance, last, levels, execution);

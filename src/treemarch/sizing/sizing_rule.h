@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cstdint>
 #include <vector>
 
 #include "treemarch/image/label_image.h"
@@ -24,6 +25,11 @@ struct SizingRule {
   std::vector<Interface> interface_size;  ///< overrides both materials' sizes at their interface
 
   std::vector<float> voxel_size;  ///< one a voxel of the image, or empty: sizes by place; 0: none asked for
+  struct Voxel {
+    std::int64_t index = 0;  ///< in the image
+    float size = 0;          ///< > 0
+  };
+  std::vector<Voxel> few_voxels;  ///< the same where few voxels ask for a size
 
   double tolerance = 0;   ///< cells are split while they misplace interfaces by more (error_sizing.h); 0: not looked at
   int layers = 0;         ///< cells across every layer of a material, at least (layer_sizing.h); 0: not looked at
@@ -49,6 +55,7 @@ inline constexpr int kDefaultCoarsening = 8;
   std::ranges::for_each(rule.material_interface_size, lower);
   for (const auto& i : rule.interface_size) lower(i.size);
   std::ranges::for_each(rule.voxel_size, lower);
+  for (const auto& v : rule.few_voxels) lower(v.size);
   if (rule.tolerance > 0) lower(rule.floor_size);
   if (rule.layers > 0) lower(rule.layer_floor);
   return smallest;
