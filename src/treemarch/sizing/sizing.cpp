@@ -105,12 +105,24 @@ class Demand {
       blocks.begin[kLast] = first >> UniformBlocks<Dim>::kShift;
       blocks.end[kLast] = (last >> UniformBlocks<Dim>::kShift) + 1;
       for_each_row(blocks, uniform_.extent(), [&](Coord<Dim> block, std::int64_t) {
+        VoxelBox<Dim> all, mixed;  // of the row; of its last blocks, which are looked at together
         for (; block[0] < blocks.end[0]; ++block[0]) {
           VoxelBox<Dim> box = voxels_of_block(block, image_.extent);
           box.begin[kLast] = std::max(box.begin[kLast], first);
           box.end[kLast] = std::min(box.end[kLast], last + 1);
-          raise(box, layers);
+          add_behind(all, box);
+          const MaterialId material = material_around(box);
+          if (material == UniformBlocks<Dim>::kMixed) {
+            add_behind(mixed, box);
+            continue;
+          }
+          raise_to(box, levels_.material(material), layers);
+          raise_by_voxels(mixed, layers);
+          mixed = {};
         }
+        raise_by_voxels(mixed, layers);
+        for (const std::span<const float> list : sizes_)
+          if (!list.empty()) raise_by_sizes(all, list, layers);
       });
     });
     const Layers all{0, cells_[kLast], levels.data(), {}};
@@ -129,45 +141,57 @@ class Demand {
     std::vector<std::uint8_t> row;  // scratch: demanded along the first axis
   };
 
-  void raise(const VoxelBox<Dim>& box, Layers& layers) const {
-    Coord<Dim> around = box.begin;  // and one voxel more
+  /// That of a box and one voxel more on either side.
+  MaterialId material_around(const VoxelBox<Dim>& box) const {
+    Coord<Dim> around = box.begin;
     for (auto& c : around) c = std::max(0, c - 1);
-    const MaterialId material = uniform_.within(around, box.end);
-    if (material != UniformBlocks<Dim>::kMixed)
-      raise_to(box, levels_.material(material), layers);
-    else
-      image_.voxels.visit([&](const auto* voxels) { raise_by_voxels(box, voxels, layers); });
-    for (const std::span<const float> list : sizes_)
-      if (!list.empty()) raise_by_sizes(box, list, layers);
+    return uniform_.within(around, box.end);
+  }
+  static void add_behind(VoxelBox<Dim>& boxes, const VoxelBox<Dim>& next) {
+    if (boxes.is_empty()) boxes = next;
+    boxes.end[0] = next.end[0];
   }
 
+  void raise_by_voxels(const VoxelBox<Dim>& box, Layers& layers) const {
+    if (!box.is_empty()) image_.voxels.visit([&](const auto* voxels) { raise_by_voxels(box, voxels, layers); });
+  }
   template <class T>
   void raise_by_voxels(const VoxelBox<Dim>& box, const T* voxels, Layers& layers) const {
-    for_each_row(box, image_.extent, [&](Coord<Dim> c, std::int64_t i) {
-      // Neighbours across the row, which all of its voxels have or none; a voxel stands for those that are not there.
-      std::array<std::int64_t, 2 * (Dim - 1) + 1> across{};
+    const std::int32_t width = box.end[0] - box.begin[0];
+    std::vector<T> differs(
+        static_cast<std::size_t>(width));  // of a row: 0 where all neighbours are of the same material
+    for_each_row(box, image_.extent, [&](const Coord<Dim>& c, std::int64_t at) {
+      const T* const row = voxels + at;
+      // A voxel stands for the neighbours that it does not have.
+      std::array<std::int64_t, 2 * Dim> steps{};
       for (int d = 1; d < Dim; ++d) {
-        if (c[d] > 0) across[static_cast<std::size_t>(2 * d - 2)] = -stride_[d];
-        if (c[d] + 1 < image_.extent[d]) across[static_cast<std::size_t>(2 * d - 1)] = stride_[d];
+        if (c[d] > 0) steps[static_cast<std::size_t>(2 * d)] = -stride_[d];
+        if (c[d] + 1 < image_.extent[d]) steps[static_cast<std::size_t>(2 * d + 1)] = stride_[d];
       }
-      VoxelBox<Dim> row{c, c};
-      for (int d = 0; d < Dim; ++d) row.end[d] = d == 0 ? box.end[0] : c[d] + 1;
-      const VoxelBox<Dim> cells = cells_of(row, layers);
+      std::ranges::fill(differs, T{0});
+      const auto compare = [&](std::int32_t begin, std::int32_t end, std::int64_t step) {
+        for (std::int32_t k = begin; k < end; ++k) differs[k] = static_cast<T>(differs[k] | (row[k] ^ row[k + step]));
+      };
+      for (std::size_t s = 2; s < steps.size(); ++s) compare(0, width, steps[s]);
+      compare(c[0] > 0 ? 0 : 1, width, -1);
+      compare(0, box.end[0] < image_.extent[0] ? width : width - 1, 1);
+
+      VoxelBox<Dim> voxels_of_row{c, c};
+      for (int d = 0; d < Dim; ++d) voxels_of_row.end[d] = d == 0 ? box.end[0] : c[d] + 1;
+      const VoxelBox<Dim> cells = cells_of(voxels_of_row, layers);
       layers.row.assign(static_cast<std::size_t>(cells.end[0] - cells.begin[0]), 0);
-      for (; c[0] < box.end[0]; ++c[0], ++i) {
-        const T own = voxels[i];
+      for (std::int32_t k = 0; k < width; ++k) {
         std::uint8_t level = 0;
-        bool inside = true;
-        const auto look = [&](T neighbour) {
-          if (neighbour == own) return;
-          level = std::max(level, levels_.interface(own, neighbour));
-          inside = false;
-        };
-        if (c[0] > 0) look(voxels[i - 1]);
-        if (c[0] + 1 < image_.extent[0]) look(voxels[i + 1]);
-        for (const std::int64_t step : across) look(voxels[i + step]);
-        if (inside) level = levels_.material(own);
-        const auto [begin, end] = spans_[0][static_cast<std::size_t>(c[0])];
+        if (differs[k] == 0) {
+          level = levels_.material(row[k]);
+        } else {
+          steps[0] = c[0] + k > 0 ? -1 : 0;
+          steps[1] = c[0] + k + 1 < image_.extent[0] ? 1 : 0;
+          for (const std::int64_t step : steps)
+            if (row[k + step] != row[k]) level = std::max(level, levels_.interface(row[k], row[k + step]));
+        }
+        if (level == 0) continue;
+        const auto [begin, end] = spans_[0][static_cast<std::size_t>(c[0] + k)];
         for (std::int32_t x = std::max(begin, cells.begin[0]); x < std::min(end, cells.end[0]); ++x) {
           std::uint8_t& here = layers.row[static_cast<std::size_t>(x - cells.begin[0])];
           here = std::max(here, level);
