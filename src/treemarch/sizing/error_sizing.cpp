@@ -272,8 +272,10 @@ void refine_by_error(const LabelImage<Dim>& image, const SizedLattice<Dim>& size
                      std::vector<std::uint8_t>& levels, const Execution& execution) {
   const UniformBlocks<Dim> uniform(image, execution);
   for (int level = 0; level < last; ++level) {
+    constexpr std::int64_t kFinestPerRange = 4096;  // cells
     const LevelErrors<Dim> errors(image, sized, level);
-    parallel_for_ranges(execution, errors.size(), 64, [&](std::int64_t begin, std::int64_t end) {
+    const std::int64_t grain = kFinestPerRange / product(sized.pattern.cell_extent(level));
+    parallel_for_ranges(execution, errors.size(), grain, [&](std::int64_t begin, std::int64_t end) {
       LinearLabels<Dim> labels(image);
       for (std::int64_t i = begin; i < end; ++i) errors.split(i, tolerance, uniform, labels, levels);
     });

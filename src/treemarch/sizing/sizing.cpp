@@ -197,9 +197,9 @@ class Demand {
           here = std::max(here, level);
         }
       }
-      for_each_row(cells, cells_, [&](const Coord<Dim>&, std::int64_t at) {
-        for (std::size_t k = 0; k < layers.row.size(); ++k)
-          layers.levels[at + k] = std::max(layers.levels[at + k], layers.row[k]);
+      for_each_row(cells, cells_, [&](const Coord<Dim>&, std::int64_t first) {
+        std::uint8_t* const to = layers.levels + first;
+        for (std::size_t x = 0; x < layers.row.size(); ++x) to[x] = std::max(to[x], layers.row[x]);
       });
     });
   }
