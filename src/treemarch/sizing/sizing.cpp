@@ -158,8 +158,8 @@ class Demand {
   template <class T>
   void raise_by_voxels(const VoxelBox<Dim>& box, const T* voxels, Layers& layers) const {
     const std::int32_t width = box.end[0] - box.begin[0];
-    std::vector<T> differs(
-        static_cast<std::size_t>(width));  // of a row: 0 where all neighbours are of the same material
+    // Of each voxel of a row: 0 where all neighbours are of the same material.
+    std::vector<T> differs(static_cast<std::size_t>(width));
     for_each_row(box, image_.extent, [&](const Coord<Dim>& c, std::int64_t at) {
       const T* const row = voxels + at;
       // A voxel stands for the neighbours that it does not have.
