@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <numbers>
 
 #include "treemarch/core/parallel.h"
+#include "treemarch/core/vector_clones.h"
 #include "treemarch/mesh/cell_topology.h"
 #include "treemarch/mesh/simplex_quality.h"
 
@@ -55,6 +57,45 @@ CosineRange tetrahedron_cosines(const std::array<Vec<3>, 4>& p) {
     for (int j = 0; j < i; ++j) range.add(-dot(n[i], n[j]), squared_norm(n[i]) * squared_norm(n[j]));
   return range;
 }
+
+using Lanes [[gnu::vector_size(32)]] = double;
+constexpr int kLanes = sizeof(Lanes) / sizeof(double);
+
+/// Corners of as many tetrahedra as there are lanes: each coordinate of each corner of all of them.
+using TetrahedronGroup = std::array<std::array<std::array<double, kLanes>, 3>, 4>;
+using GroupCosines = std::array<std::array<double, kLanes>, 2>;  // of_smallest, of_largest
+
+/// The same bits as tetrahedron_cosines(). \tparam T vector type of kLanes numbers
+template <class T>
+[[gnu::always_inline]] inline void find_cosines(const TetrahedronGroup& group, GroupCosines& cosines) {
+  using Vector = std::array<T, 3>;
+  std::array<Vector, 4> p, n;
+  std::memcpy(&p, &group, sizeof p);
+  const auto set_normal = [&](int i, int from, int a, int b) {
+    Vector u, v;
+    for (int d = 0; d < 3; ++d) u[d] = p[a][d] - p[from][d], v[d] = p[b][d] - p[from][d];
+    n[i] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
+  };
+  set_normal(0, 0, 2, 1);
+  set_normal(1, 0, 1, 3);
+  set_normal(2, 0, 3, 2);
+  set_normal(3, 1, 2, 3);
+  T squared[4], of_smallest = T{} - 1, of_largest = T{} + 1;
+  for (int i = 0; i < 4; ++i) squared[i] = n[i][0] * n[i][0] + n[i][1] * n[i][1] + n[i][2] * n[i][2];
+  for (int i = 0; i < 4; ++i)
+    for (int j = 0; j < i; ++j) {
+      const T product = n[i][0] * n[j][0] + n[i][1] * n[j][1] + n[i][2] * n[j][2], lengths = squared[i] * squared[j];
+      T root;
+      for (int k = 0; k < kLanes; ++k) root[k] = std::sqrt(lengths[k]);
+      const T c = -product / root;
+      of_smallest = lengths > 0 ? (of_smallest < c ? c : of_smallest) : T{} + 1;
+      of_largest = lengths > 0 ? (c < of_largest ? c : of_largest) : T{} - 1;
+    }
+  std::memcpy(cosines.data(), &of_smallest, sizeof of_smallest);
+  std::memcpy(cosines.data() + 1, &of_largest, sizeof of_largest);
+}
+TREEMARCH_VECTOR_CLONES
+void tetrahedra_cosines(const TetrahedronGroup& group, GroupCosines& cosines) { find_cosines<Lanes>(group, cosines); }
 
 CosineRange pentatope_cosines(const std::array<Vec<4>, 5>& p) {
   const std::array<Vec<4>, 5> n = inward_normals<4>(p);
@@ -150,25 +191,48 @@ MeshQuality measure_block(const Mesh<Dim>& mesh, const CellBlock& block, const F
                           std::size_t worst_count, const Execution& execution) {
   const int corners = vertex_count(block.type);
   const bool turn = !is_along_axes(frame);
-  auto measure_range = [&](std::int64_t begin, std::int64_t end) {
-    MeshQuality q;
+  const auto corner = [&](std::int64_t c, int i) {
+    const Vec<Dim>& x = mesh.points[block.cell(c)[i]];
+    return turn ? turned(frame, x) : x;
+  };
+  const auto add_angles = [&](std::int64_t c, const DegreeRange& angles, MeshQuality& q) {
+    q.angles.add(angles);
+    ++q.smallest[bin(angles.min)];
+    ++q.largest[bin(angles.max)];
+    q.mean_smallest += angles.min;
+    add_to_worst({block.type, c, angles, {}, 0}, worst_count, q.worst);
+  };
+  const auto measure_tetrahedra = [&](std::int64_t begin, std::int64_t end, MeshQuality& q) {
+    TetrahedronGroup group;
+    GroupCosines cosines;
+    for (std::int64_t first = begin; first < end; first += kLanes) {
+      for (int k = 0; k < kLanes; ++k)
+        for (int i = 0; i < 4; ++i) {
+          const Vec<Dim> x = corner(std::min(first + k, end - 1), i);
+          for (int d = 0; d < 3; ++d) group[i][d][k] = x[d];
+        }
+      tetrahedra_cosines(group, cosines);
+      for (int k = 0; k < std::min<std::int64_t>(kLanes, end - first); ++k)
+        add_angles(first + k, CosineRange{cosines[0][k], cosines[1][k]}.degrees(), q);
+    }
+  };
+  const auto measure_any = [&](std::int64_t begin, std::int64_t end, MeshQuality& q) {
     for (std::int64_t c = begin; c < end; ++c) {
       std::array<Vec<Dim>, 8> p{};
-      for (int i = 0; i < corners; ++i) {
-        const Vec<Dim>& x = mesh.points[block.cell(c)[i]];
-        p[i] = turn ? turned(frame, x) : x;
-      }
-      const DegreeRange angles = cell_cosines<Dim>(p, block.type).degrees();
-      q.angles.add(angles);
-      ++q.smallest[bin(angles.min)];
-      ++q.largest[bin(angles.max)];
-      q.mean_smallest += angles.min;
+      for (int i = 0; i < corners; ++i) p[i] = corner(c, i);
+      add_angles(c, cell_cosines<Dim>(p, block.type).degrees(), q);
       if (topology(block.type).corner_count > 1) {
         const CornerJacobians j = corner_jacobians<Dim>(p, block.type);
         add(q.jacobians[static_cast<std::size_t>(block.type)], {1, j.min_scaled, j.min_scaled, j.ratio(), j.ratio()});
       }
-      add_to_worst({block.type, c, angles, {}, 0}, worst_count, q.worst);
     }
+  };
+  auto measure_range = [&](std::int64_t begin, std::int64_t end) {
+    MeshQuality q;
+    if (Dim == 3 && block.type == CellType::tetrahedron)
+      measure_tetrahedra(begin, end, q);
+    else
+      measure_any(begin, end, q);
     keep_worst(q.worst, worst_count);
     return q;
   };
