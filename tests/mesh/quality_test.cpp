@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <numeric>
+#include <random>
 
 #include "support/meshes.h"
 
@@ -57,6 +58,30 @@ TEST(Quality, SumsUpAllCells) {
   ASSERT_EQ(q.worst.size(), 5U);
   EXPECT_EQ(q.worst[0].angles.min, q.angles.min);
   EXPECT_GE(q.mean_smallest, q.angles.min);
+}
+
+TEST(Quality, IsThatOfEachTetrahedronAlone) {
+  std::mt19937 random(3);
+  Mesh<3> mesh;
+  CellBlock block(CellType::tetrahedron);
+  for (int c = 0; c < 203; ++c) {
+    for (int i = 0; i < 4; ++i) {
+      block.vertices.push_back(static_cast<VertexId>(mesh.points.size()));
+      mesh.points.push_back({1e-3 * (random() % 1000), 1e-3 * (random() % 1000), 1e-3 * (random() % 1000)});
+    }
+    if (c % 10 == 0) mesh.points.back() = mesh.points[mesh.points.size() - 2];  // facets without extent
+    block.materials.push_back(0);
+  }
+  mesh.labels = {1};
+  mesh.blocks.push_back(block);
+  for (const int cells : {203, 202, 201, 200, 1}) {
+    mesh.blocks[0].vertices.resize(static_cast<std::size_t>(4 * cells));
+    mesh.blocks[0].materials.resize(static_cast<std::size_t>(cells));
+    const MeshQuality quality = measure_quality(mesh, Frame<3>{}, cells, Execution(2));
+    ASSERT_EQ(std::ssize(quality.worst), cells);
+    for (const WorstCell& w : quality.worst)
+      EXPECT_EQ(w.angles, cell_angles(mesh.points.data(), w.type, mesh.blocks[0].cell(w.cell))) << w.cell;
+  }
 }
 
 TEST(Quality, FindsTheWorstCellAndItsPlace) {

@@ -188,7 +188,7 @@ Mesh<Dim> mesh_with_guarantee(const LabelImage<Dim>& given, const GreyInput<Dim>
   Spacetree<Dim> tree =
       build_spacetree<Dim>(sized.lattice, sized.pattern, required_levels(image, sized, rule, execution), 1, execution);
 
-  stage.emplace(execution, "field");
+  stage.reset();  // the field times itself
   const FieldKind kind = field_kind(options, grey, FieldKind::dgf);
   if (options.preserve_volume && (kind == FieldKind::grey || kind == FieldKind::solid_angle))
     throw Error(ErrorKind::usage, "--preserve-volume: is not for the fields grey and solid-angle; leave it out");

@@ -1,10 +1,12 @@
 #include "treemarch/report/interface_distance.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
 #include "treemarch/core/parallel.h"
+#include "treemarch/image/uniform_blocks.h"
 #include "treemarch/mesh/cell_topology.h"
 
 namespace treemarch {
@@ -34,6 +36,7 @@ class FaceSearch {
   explicit FaceSearch(const LabelImage<Dim>& image) : image_(image) {
     smallest_ = image.frame.spacing[0];
     for (const double h : image.frame.spacing) smallest_ = std::min(smallest_, h);
+    for (std::int64_t d = 0, n = 1; d < Dim; n *= image.extent[d++]) stride_[d] = n;
   }
 
   /// Infinite if there is none within kReach voxels.
@@ -53,32 +56,24 @@ class FaceSearch {
  private:
   /// Faces inside the block of 2 reach voxels a side about a corner.
   void search(const Vec<Dim>& x, const Coord<Dim>& corner, int reach, MaterialId a, MaterialId b, double& best) const {
-    Coord<Dim> low{}, high{};
+    VoxelBox<Dim> box;
     for (int d = 0; d < Dim; ++d) {
-      low[d] = std::max(0, corner[d] - reach);
-      high[d] = std::min(image_.extent[d], corner[d] + reach);
-      if (low[d] >= high[d]) return;
+      box.begin[d] = std::max(0, corner[d] - reach);
+      box.end[d] = std::min(image_.extent[d], corner[d] + reach);
     }
-    Coord<Dim> c = low;
-    while (true) {
-      const std::int64_t at = linear_index(c, image_.extent);
-      const MaterialId here = image_.voxels[at];
-      if (here == a || here == b) {
-        const MaterialId other = here == a ? b : a;
-        std::int64_t stride = 1;
-        for (int d = 0; d < Dim; ++d) {
-          if (c[d] + 1 < high[d] && image_.voxels[at + stride] == other)
-            best = std::min(best, squared_to_face(x, c, d));
-          stride *= image_.extent[d];
+    if (box.is_empty()) return;
+    image_.voxels.visit([&](const auto* voxels) {
+      for_each_row(box, image_.extent, [&](Coord<Dim> c, std::int64_t at) {
+        for (; c[0] < box.end[0]; ++c[0], ++at) {
+          const MaterialId here = voxels[at];
+          if (here != a && here != b) continue;
+          const MaterialId other = here == a ? b : a;
+          for (int d = 0; d < Dim; ++d)
+            if (c[d] + 1 < box.end[d] && voxels[at + stride_[d]] == other)
+              best = std::min(best, squared_to_face(x, c, d));
         }
-      }
-      int d = 0;
-      while (d < Dim && ++c[d] == high[d]) {
-        c[d] = low[d];
-        ++d;
-      }
-      if (d == Dim) return;
-    }
+      });
+    });
   }
 
   /// To the upper face of a voxel across an axis.
@@ -94,6 +89,7 @@ class FaceSearch {
   }
 
   const LabelImage<Dim>& image_;
+  std::array<std::int64_t, Dim> stride_{};
   double smallest_ = 1;
 };
 
