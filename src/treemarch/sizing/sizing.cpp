@@ -165,8 +165,8 @@ class Demand {
       // A voxel stands for the neighbours that it does not have.
       std::array<std::int64_t, 2 * Dim> steps{};
       for (int d = 1; d < Dim; ++d) {
-        if (c[d] > 0) steps[static_cast<std::size_t>(2 * d)] = -stride_[d];
-        if (c[d] + 1 < image_.extent[d]) steps[static_cast<std::size_t>(2 * d + 1)] = stride_[d];
+        if (c[d] > 0) steps[2 * d] = -stride_[d];
+        if (c[d] + 1 < image_.extent[d]) steps[2 * d + 1] = stride_[d];
       }
       std::ranges::fill(differs, T{0});
       const auto compare = [&](std::int32_t begin, std::int32_t end, std::int64_t step) {
@@ -191,7 +191,7 @@ class Demand {
             if (row[k + step] != row[k]) level = std::max(level, levels_.interface(row[k], row[k + step]));
         }
         if (level == 0) continue;
-        const auto [begin, end] = spans_[0][static_cast<std::size_t>(c[0] + k)];
+        const auto [begin, end] = spans_[0][c[0] + k];
         for (std::int32_t x = std::max(begin, cells.begin[0]); x < std::min(end, cells.end[0]); ++x) {
           std::uint8_t& here = layers.row[static_cast<std::size_t>(x - cells.begin[0])];
           here = std::max(here, level);
