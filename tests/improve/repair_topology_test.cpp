@@ -32,7 +32,7 @@ std::int64_t broken_components(const LabelImage<Dim>& image, const Mesh<Dim>& me
   const MeshComponents<Dim> components(mesh, execution);
   const UniformBlocks<Dim> uniform(image, execution);
   const PlainBlocks<Dim> plain(image, uniform, mesh, components.facets(), execution);
-  const auto fates = component_fates(image, map, mesh, components, plain, same, execution);
+  const auto fates = component_fates(image, map, mesh, components, plain, same, execution).of;
   std::int64_t broken = 0;
   for (std::size_t c = 0; c < fates.size(); ++c)
     broken += map.components[c].voxels >= least && (fates[c].lost() || fates[c].split());

@@ -3,19 +3,22 @@
 #include <algorithm>
 #include <array>
 #include <functional>
+#include <limits>
 #include <queue>
 #include <tuple>
 #include <unordered_map>
 
 #include "treemarch/core/parallel.h"
 #include "treemarch/improve/unpinch.h"
+#include "treemarch/topology/marked_blocks.h"
 #include "treemarch/topology/simplices.h"
 #include "treemarch/topology/voxel_centres.h"
 
 namespace treemarch {
 namespace {
 
-constexpr std::int64_t kCellsPerTask = 1 << 13;
+constexpr std::int64_t kCellsPerGroup = 512;
+constexpr std::int64_t kGroupsPerTask = 16;
 
 template <class T>
 std::vector<T> join(const std::vector<std::vector<T>>& parts) {
@@ -213,84 +216,108 @@ void restore(Patch<Dim>& patch, const BrokenComponents<Dim>& broken,
   mended.restored.push_back({inner->cell, anchor_at(*broken.image, innermost)});
 }
 
+/// The cells that contain voxels of lost components.
+template <int Dim>
+std::vector<typename BrokenComponents<Dim>::Lost> find_lost(const BrokenComponents<Dim>& broken,
+                                                            std::span<const std::uint8_t> is_lost,
+                                                            const Mesh<Dim>& mesh, const Execution& execution) {
+  const LabelImage<Dim>& image = *broken.image;
+  const ComponentMap& map = *broken.map;
+  const CellBlock& block = mesh.blocks[0];
+  const Marks voxels = map.voxels_of([&](std::uint32_t c) { return is_lost[c] != 0; });
+  const MarkedBlocks<Dim> blocks(image, map, is_lost, execution);
+  const VoxelCentres<Dim> centres(image);
+  std::vector<std::vector<typename BrokenComponents<Dim>::Lost>> lost(
+      static_cast<std::size_t>(block_count(block.size(), kCellsPerGroup)));
+  parallel_for(execution, std::ssize(lost), kGroupsPerTask, [&](std::int64_t group) {
+    const std::int64_t begin = group * kCellsPerGroup, end = std::min(block.size(), begin + kCellsPerGroup);
+    if (!blocks.touch(mesh, block, begin, end)) return;
+    for (std::int64_t c = begin; c < end; ++c)
+      for_each_simplex(mesh, block, c, [&](const Simplex<Dim>& simplex) {
+        centres.visit(
+            simplex, [&](std::int64_t v) { return voxels[static_cast<std::size_t>(v)]; },
+            [&](std::int64_t v) {
+              lost[static_cast<std::size_t>(group)].push_back({map.of(v), v, static_cast<CellId>(c)});
+            });
+      });
+  });
+  auto all = join(lost);
+  std::ranges::sort(all, {}, [](const auto& l) { return std::tuple(l.image_component, l.voxel, l.cell); });
+  return all;
+}
+
+/// The parts of split components, by component of the image, the largest first.
+template <int Dim>
+std::vector<typename BrokenComponents<Dim>::Part> find_parts(const BrokenComponents<Dim>& broken,
+                                                             std::span<const std::uint8_t> is_split,
+                                                             const ComponentFates& fates, const Mesh<Dim>& mesh,
+                                                             const Execution& execution) {
+  using Part = typename BrokenComponents<Dim>::Part;
+  const LabelImage<Dim>& image = *broken.image;
+  const ComponentMap& map = *broken.map;
+  const VoxelCentres<Dim> centres(image);
+  const auto n = std::ssize(fates.elsewhere);
+  std::vector<std::vector<Part>> parts(static_cast<std::size_t>(block_count(n, kCellsPerGroup)));
+  parallel_for(execution, std::ssize(parts), 1, [&](std::int64_t group) {
+    auto& found = parts[static_cast<std::size_t>(group)];
+    for (std::int64_t i = group * kCellsPerGroup; i < std::min(n, (group + 1) * kCellsPerGroup); ++i) {
+      const CellPlace& place = fates.elsewhere[static_cast<std::size_t>(i)];
+      const CellBlock& block = mesh.blocks[place.block];
+      const MaterialId material = block.materials[static_cast<std::size_t>(place.cell)];
+      const std::uint32_t own = broken.components->of(place.block, place.cell);
+      for_each_simplex(mesh, block, place.cell, [&](const Simplex<Dim>& simplex) {
+        centres.visit(
+            simplex, [&](std::int64_t v) { return image.voxels[v] == material && is_split[map.of(v)] != 0; },
+            [&](std::int64_t v) {
+              const std::uint32_t c = map.of(v);
+              if (!found.empty() && found.back().image_component == c && found.back().mesh_component == own)
+                ++found.back().hits;  // not an entry a voxel: coarse cells hold thousands
+              else
+                found.push_back({c, own, 1, static_cast<CellId>(place.cell)});
+            });
+      });
+    }
+    merge_parts(found);
+  });
+  std::vector<Part> all = join(parts);
+  for (std::uint32_t c = 0; c < is_split.size(); ++c)
+    if (is_split[c] != 0 && fates.in_main[c] != 0)
+      all.push_back({c, fates.main[map.components[c].material], std::numeric_limits<std::int64_t>::max(), 0});
+  merge_parts(all);
+  std::ranges::stable_sort(all, {}, [](const auto& p) { return std::tuple(p.image_component, -p.hits); });
+  return all;
+}
+
 }  // namespace
 
 template <int Dim>
 BrokenComponents<Dim> find_broken(const LabelImage<Dim>& image, const ComponentMap& map,
                                   std::span<const std::uint8_t> required, const Mesh<Dim>& mesh,
-                                  const MeshComponents<Dim>& components, std::span<const ComponentFate> fates,
+                                  const MeshComponents<Dim>& components, const ComponentFates& fates,
                                   MaterialId left_out, const Execution& execution) {
-  using Broken = BrokenComponents<Dim>;
-  Broken broken;
+  BrokenComponents<Dim> broken;
   broken.components = &components;
   broken.map = &map;
   broken.image = &image;
   broken.left_out = left_out;
-  const auto is_lost = [&](std::uint32_t c) { return required[c] && fates[c].lost(); };
-  const auto is_split = [&](std::uint32_t c) { return required[c] && fates[c].split(); };
-  bool any_lost = false, any_split = false;
-  std::vector<std::uint8_t> splits(image.labels.size(), 0);  // a component of the material is split
-  for (std::uint32_t c = 0; c < fates.size(); ++c) {
-    any_lost |= is_lost(c);
-    any_split |= is_split(c);
-    if (is_split(c)) splits[map.components[c].material] = 1;
+  std::vector<std::uint8_t> is_lost(fates.of.size()), is_split(fates.of.size());
+  for (std::size_t c = 0; c < fates.of.size(); ++c) {
+    is_lost[c] = required[c] != 0 && fates.of[c].lost();
+    is_split[c] = required[c] != 0 && fates.of[c].split();
   }
-  if (!any_lost && !any_split) return broken;
-
-  const CellBlock& block = mesh.blocks[0];
-  const auto tasks = static_cast<std::size_t>(block_count(block.size(), kCellsPerTask));
-  std::vector<std::vector<typename Broken::Part>> parts(tasks);
-  std::vector<std::vector<typename Broken::Lost>> lost(tasks);
-  const VoxelCentres<Dim> centres(image);
-  const Marks concerned = map.voxels_of([&](std::uint32_t c) { return is_lost(c) || is_split(c); });
-  const auto for_cells = [&](std::size_t task, auto&& f) {
-    const auto begin = static_cast<std::int64_t>(task) * kCellsPerTask;
-    for (std::int64_t c = begin; c < std::min(block.size(), begin + kCellsPerTask); ++c) f(static_cast<CellId>(c));
-  };
-  parallel_for(execution, static_cast<std::int64_t>(tasks), 1, [&](std::int64_t task) {
-    auto& found = parts[static_cast<std::size_t>(task)];
-    for_cells(static_cast<std::size_t>(task), [&](CellId cell) {
-      const MaterialId material = block.materials[cell];
-      if (!any_lost && splits[material] == 0) return;
-      for_each_simplex(mesh, block, cell, [&](const Simplex<Dim>& simplex) {
-        centres.visit(
-            simplex,
-            [&](std::int64_t v) {
-              return concerned[static_cast<std::size_t>(v)] && (image.voxels[v] == material || is_lost(map.of(v)));
-            },
-            [&](std::int64_t v) {
-              const std::uint32_t c = map.of(v);
-              if (is_lost(c))
-                lost[static_cast<std::size_t>(task)].push_back({c, v, cell});
-              else if (const std::uint32_t own = components.of(0, cell);
-                       !found.empty() && found.back().image_component == c && found.back().mesh_component == own)
-                ++found.back().hits;  // not an entry a voxel: coarse cells hold thousands
-              else
-                found.push_back({c, own, 1, cell});
-            });
-      });
-    });
-    merge_parts(found);
-  });
-  broken.parts = join(parts);
-  merge_parts(broken.parts);
-  std::ranges::stable_sort(broken.parts, {}, [](const auto& p) { return std::tuple(p.image_component, -p.hits); });
-  broken.lost = join(lost);
-  std::ranges::sort(broken.lost, {}, [](const auto& l) { return std::tuple(l.image_component, l.voxel, l.cell); });
+  if (std::ranges::count(is_split, 0) < std::ssize(is_split))
+    broken.parts = find_parts(broken, is_split, fates, mesh, execution);
+  if (std::ranges::count(is_lost, 0) < std::ssize(is_lost)) broken.lost = find_lost(broken, is_lost, mesh, execution);
 
   std::vector<std::uint32_t> small;  // components of the mesh
   for (std::size_t i = 1; i < broken.parts.size(); ++i)
     if (broken.parts[i].image_component == broken.parts[i - 1].image_component)
       small.push_back(broken.parts[i].mesh_component);
   std::ranges::sort(small);
-  std::vector<std::vector<CellId>> cells(tasks);
-  parallel_for(execution, static_cast<std::int64_t>(small.empty() ? 0 : tasks), 1, [&](std::int64_t task) {
-    for_cells(static_cast<std::size_t>(task), [&](CellId cell) {
-      if (splits[block.materials[cell]] != 0 && std::ranges::binary_search(small, components.of(0, cell)))
-        cells[static_cast<std::size_t>(task)].push_back(cell);
-    });
-  });
-  broken.cells = join(cells);
+  if (!small.empty())
+    for (const CellPlace& place : fates.elsewhere)
+      if (std::ranges::binary_search(small, components.of(place.block, place.cell)))
+        broken.cells.push_back(static_cast<CellId>(place.cell));
   for (const auto& l : broken.lost) broken.cells.push_back(l.cell);
   return broken;
 }
@@ -322,7 +349,7 @@ Mended mend_components(Patch<Dim>& patch, const BrokenComponents<Dim>& broken, R
 #define TREEMARCH_INSTANTIATE(DIM)                                                                  \
   template BrokenComponents<DIM> find_broken(                                                       \
       const LabelImage<DIM>&, const ComponentMap&, std::span<const std::uint8_t>, const Mesh<DIM>&, \
-      const MeshComponents<DIM>&, std::span<const ComponentFate>, MaterialId, const Execution&);    \
+      const MeshComponents<DIM>&, const ComponentFates&, MaterialId, const Execution&);             \
   template Mended mend_components(Patch<DIM>&, const BrokenComponents<DIM>&, RepairReport&);
 TREEMARCH_INSTANTIATE(2)
 TREEMARCH_INSTANTIATE(3)

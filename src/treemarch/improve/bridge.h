@@ -21,8 +21,8 @@ struct BrokenComponents {
   /// A component of the mesh that holds voxels of a component of the image.
   struct Part {
     std::uint32_t image_component, mesh_component;
-    std::int64_t hits;  // a measure of its size
-    CellId seed;        // one of its cells
+    std::int64_t hits;  // a measure of its size; that of the main part of a material is the largest
+    CellId seed;        // one of its cells, but of the main part
   };
   /// A cell that contains the centre of a voxel of a lost component.
   struct Lost {
@@ -47,7 +47,7 @@ struct BrokenComponents {
 template <int Dim>
 BrokenComponents<Dim> find_broken(const LabelImage<Dim>& image, const ComponentMap& map,
                                   std::span<const std::uint8_t> required, const Mesh<Dim>& mesh,
-                                  const MeshComponents<Dim>& components, std::span<const ComponentFate> fates,
+                                  const MeshComponents<Dim>& components, const ComponentFates& fates,
                                   MaterialId left_out, const Execution& execution);
 
 struct Mended {

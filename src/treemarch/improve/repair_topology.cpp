@@ -56,9 +56,8 @@ class Repairer {
       const PlainBlocks<Dim> plain = needs_plain_blocks(image_, mesh_)
                                          ? PlainBlocks<Dim>(image_, uniform_, mesh_, components.facets(), execution_)
                                          : PlainBlocks<Dim>(uniform_);
-      const std::vector<ComponentFate> fates =
-          component_fates(image_, map_, mesh_, components, plain, to_image_, execution_);
-      add_cells_of_lost(fates);
+      const ComponentFates fates = component_fates(image_, map_, mesh_, components, plain, to_image_, execution_);
+      add_cells_of_lost(fates.of);
       const BrokenComponents<Dim> broken =
           find_broken(image_, map_, required_, mesh_, components, fates, options_.left_out, execution_);
       SmallPieces small = find_small_pieces<Dim>(image_, map_, required_, mesh_, components, execution_);

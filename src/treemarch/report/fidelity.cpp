@@ -226,7 +226,8 @@ Fidelity measure_fidelity(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, s
   }
   if constexpr (Dim < 4) {
     fidelity.interfaces = measure_interfaces(image, mesh, to_image, background, components.facets(), execution);
-    const std::vector<ComponentFate> fates = component_fates(image, map, mesh, components, plain, to_image, execution);
+    const std::vector<ComponentFate> fates =
+        component_fates(image, map, mesh, components, plain, to_image, execution).of;
     fidelity.topology =
         report_topology<Dim>({image, uniform, mesh, map, components, fates}, background, min_component, execution);
   }

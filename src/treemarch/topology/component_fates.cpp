@@ -3,44 +3,118 @@
 #include <algorithm>
 #include <atomic>
 #include <numeric>
+#include <optional>
 #include <utility>
 
 #include "treemarch/core/parallel.h"
+#include "treemarch/topology/marked_blocks.h"
 #include "treemarch/topology/simplices.h"
 #include "treemarch/topology/voxel_centres.h"
 
 namespace treemarch {
 namespace {
 
-constexpr std::int64_t kCellsPerTask = 1 << 13;
+constexpr std::int64_t kCellsPerGroup = 512;
+constexpr std::int64_t kGroupsPerTask = 16;
+constexpr std::int64_t kGlance = 16;  // every so manieth group of cells
 
 /// Fates while they are found by several threads.
 template <int Dim>
 class Fates {
  public:
-  Fates(const ComponentMap& map, const MeshComponents<Dim>& components, std::size_t labels,
-        std::span<const MaterialId> to_image, const Execution& execution)
-      : map_(map), fates_(map.components.size()), missing_(labels, 0) {
+  Fates(const LabelImage<Dim>& image, const ComponentMap& map, const Mesh<Dim>& mesh,
+        const MeshComponents<Dim>& components, const PlainBlocks<Dim>& plain, std::span<const MaterialId> to_image,
+        const Execution& execution)
+      : image_(image),
+        map_(map),
+        mesh_(mesh),
+        components_(components),
+        plain_(plain),
+        to_image_(to_image),
+        execution_(execution),
+        centres_(image),
+        several_(image.labels.size(), 0),
+        missing_(image.labels.size(), 0) {
+    fates_.of.resize(map.components.size());
+    fates_.in_main.resize(map.components.size());
     for (const ImageComponent& c : map.components) ++missing_[c.material];
-    // In several components of the mesh a material may yet split: its cells are all looked at.
     const std::vector<std::int64_t> parts = components.count(execution);
-    for (std::size_t m = 0; m < parts.size(); ++m)
-      if (to_image[m] != kOutside && parts[m] > 1) missing_[to_image[m]] = -1;
+    for (std::size_t m = 0; m < parts.size(); ++m) {
+      if (to_image[m] == kOutside || parts[m] < 2) continue;
+      several_[to_image[m]] = 1;
+      missing_[to_image[m]] = -1;  // it may yet split: its cells are all looked at
+    }
   }
 
-  /// Whether cells of a material can tell no more.
-  [[nodiscard]] bool known(MaterialId material) {
-    return std::atomic_ref(missing_[material]).load(std::memory_order_relaxed) == 0;
+  ComponentFates find() {
+    find_main();
+    if (needs_plain_blocks(image_, mesh_))
+      glance(1, [&](std::int64_t at) { return plain_[at] ? Look::at_first : Look::nowhere; });
+    else
+      glance(kGlance, [](std::int64_t) { return Look::at_all; });
+    look_closely();
+    return std::move(fates_);
   }
-  [[nodiscard]] bool covers(std::int64_t voxel, std::uint32_t component) { return covers(of(voxel), component); }
-  /// What is known of a component of the image.
-  [[nodiscard]] bool covers(ComponentFate& fate, std::uint32_t component) const {
-    return std::atomic_ref(fate.first).load(std::memory_order_relaxed) <= component &&
-           std::atomic_ref(fate.last).load(std::memory_order_relaxed) >= component;
+
+ private:
+  /// A cell with what is looked up when it is needed.
+  struct Cell {
+    const MeshComponents<Dim>& components;
+    std::size_t block;
+    std::int64_t cell;
+    MaterialId material;  // of the image
+    std::uint32_t known = ComponentFate::kNone;
+    std::uint32_t component() {
+      if (known == ComponentFate::kNone) known = components.of(block, cell);
+      return known;
+    }
+  };
+
+  /// Calls visit(i, begin, end) for the i-th of every so manieth group of cells of a block.
+  template <class Visit>
+  void for_groups(std::size_t b, std::int64_t every, Visit&& visit) const {
+    const std::int64_t n = mesh_.blocks[b].size();
+    parallel_for(execution_, block_count(n, every * kCellsPerGroup), kGroupsPerTask, [&](std::int64_t i) {
+      const std::int64_t begin = i * every * kCellsPerGroup;
+      visit(static_cast<std::size_t>(i), begin, std::min(n, begin + kCellsPerGroup));
+    });
   }
-  void widen(std::int64_t voxel, MaterialId material, std::uint32_t component) {
-    ComponentFate& fate = of(voxel);
-    const std::atomic_ref<std::uint32_t> first(fate.first), last(fate.last);
+  /// Calls visit(cell) for those of a group whose material can tell more.
+  template <class Visit>
+  void for_open_cells(std::size_t b, std::int64_t begin, std::int64_t end, Visit&& visit) {
+    for (std::int64_t c = begin; c < end; ++c) {
+      const MaterialId material = to_image_[mesh_.blocks[b].materials[static_cast<std::size_t>(c)]];
+      if (material == kOutside || std::atomic_ref(missing_[material]).load(std::memory_order_relaxed) == 0) continue;
+      Cell cell{components_, b, c, material};
+      visit(cell);
+    }
+  }
+  void find_main();
+  template <class LookAt>
+  void glance(std::int64_t every, LookAt&& look);
+  void look_closely();
+
+  /// Notes the components of the voxels in a cell. \param look a Look for each block of voxels
+  template <class LookAt>
+  void visit(Cell& cell, LookAt&& look) {
+    for_each_simplex(mesh_, mesh_.blocks[cell.block], cell.cell, [&](const Simplex<Dim>& simplex) {
+      centres_.visit(
+          simplex, plain_.extent(), look,
+          [&](std::int64_t v) { return image_.voxels[v] == cell.material && !covers(map_.of(v), cell); },
+          [&](std::int64_t v) { widen(map_.of(v), cell); });
+    });
+  }
+  [[nodiscard]] bool is_in_main(Cell& cell) const { return cell.component() == fates_.main[cell.material]; }
+  /// Whether nothing is new if a component of the image has voxels in a cell.
+  [[nodiscard]] bool covers(std::uint32_t c, Cell& cell) {
+    ComponentFate& fate = fates_.of[c];
+    return std::atomic_ref(fate.first).load(std::memory_order_relaxed) <= cell.component() &&
+           std::atomic_ref(fate.last).load(std::memory_order_relaxed) >= cell.component() &&
+           (!is_in_main(cell) || std::atomic_ref(fates_.in_main[c]).load(std::memory_order_relaxed) != 0);
+  }
+  void widen(std::uint32_t c, Cell& cell) {
+    const std::uint32_t component = cell.component();
+    const std::atomic_ref<std::uint32_t> first(fates_.of[c].first), last(fates_.of[c].last);
     std::uint32_t now = first.load(std::memory_order_relaxed);
     while (component < now && !first.compare_exchange_weak(now, component, std::memory_order_relaxed)) {
     }
@@ -48,57 +122,102 @@ class Fates {
     now = last.load(std::memory_order_relaxed);
     while (component > now && !last.compare_exchange_weak(now, component, std::memory_order_relaxed)) {
     }
-    const std::atomic_ref<std::int64_t> missing(missing_[material]);
+    if (is_in_main(cell)) std::atomic_ref(fates_.in_main[c]).store(1, std::memory_order_relaxed);
+    const std::atomic_ref<std::int64_t> missing(missing_[cell.material]);
     if (is_first && missing.load(std::memory_order_relaxed) > 0) missing.fetch_sub(1, std::memory_order_relaxed);
   }
-  /// Of each material the component of the mesh that its largest component of the image is known to lie in, or kNone.
-  [[nodiscard]] std::vector<std::uint32_t> main_parts() const {
-    std::vector<std::uint32_t> parts(missing_.size(), ComponentFate::kNone);
-    std::vector<std::int64_t> largest(missing_.size(), 0);
-    for (std::size_t c = 0; c < fates_.size(); ++c) {
-      const ImageComponent& component = map_.components[c];
-      if (fates_[c].lost() || component.voxels <= largest[component.material]) continue;
-      largest[component.material] = component.voxels;
-      parts[component.material] = fates_[c].first;
-    }
-    return parts;
-  }
-  [[nodiscard]] std::vector<ComponentFate> take() { return std::move(fates_); }
 
-  [[nodiscard]] ComponentFate& of_component(std::uint32_t component) { return fates_[component]; }
-
- private:
-  [[nodiscard]] ComponentFate& of(std::int64_t voxel) { return fates_[map_.of(voxel)]; }
-
+  const LabelImage<Dim>& image_;
   const ComponentMap& map_;
-  std::vector<ComponentFate> fates_;
+  const Mesh<Dim>& mesh_;
+  const MeshComponents<Dim>& components_;
+  const PlainBlocks<Dim>& plain_;
+  std::span<const MaterialId> to_image_;
+  const Execution& execution_;
+  const VoxelCentres<Dim> centres_;
+  ComponentFates fates_;
+  std::vector<std::uint8_t> several_;  // of each material: whether it is several components of the mesh
   std::vector<std::int64_t> missing_;  // of each material: components without a fate, or -1: not counted
 };
 
-/// Whether a component of the image is not known to reach the main part of its material.
+/// Counts the components of some cells.
 template <int Dim>
-bool is_undecided(const ComponentMap& map, Fates<Dim>& fates, std::span<const std::uint32_t> main, std::uint32_t c) {
-  const std::uint32_t part = main[map.components[c].material];
-  return part != ComponentFate::kNone && !fates.covers(fates.of_component(c), part);
+void Fates<Dim>::find_main() {
+  struct Count {
+    MaterialId material;
+    std::uint32_t component;
+    std::int64_t cells;
+  };
+  std::vector<Count> counts;
+  for (std::size_t b = 0; b < mesh_.blocks.size(); ++b) {
+    std::vector<std::vector<Count>> found(
+        static_cast<std::size_t>(block_count(mesh_.blocks[b].size(), kGlance * kCellsPerGroup)));
+    for_groups(b, kGlance, [&](std::size_t i, std::int64_t begin, std::int64_t end) {
+      auto& here = found[i];
+      for_open_cells(b, begin, end, [&](Cell& cell) {
+        if (here.empty() || here.back().component != cell.component())
+          here.push_back({cell.material, cell.component(), 0});
+        ++here.back().cells;
+      });
+    });
+    for (const auto& here : found) counts.insert(counts.end(), here.begin(), here.end());
+  }
+  std::ranges::sort(counts, {}, [](const Count& c) { return std::pair(c.component, c.material); });
+  fates_.main.assign(image_.labels.size(), ComponentFate::kNone);
+  std::vector<std::int64_t> most(image_.labels.size(), 0);
+  for (std::size_t i = 0; i < counts.size();) {
+    const Count& first = counts[i];
+    std::int64_t cells = 0;
+    for (; i < counts.size() && counts[i].component == first.component; ++i) cells += counts[i].cells;
+    if (cells <= most[first.material]) continue;
+    most[first.material] = cells;
+    fates_.main[first.material] = first.component;
+  }
 }
 
-/// Marks the blocks with voxels of undecided components of the image.
 template <int Dim>
-std::vector<std::uint8_t> undecided_blocks(const LabelImage<Dim>& image, const ComponentMap& map, Fates<Dim>& fates,
-                                           std::span<const std::uint32_t> main, const Coord<Dim>& blocks,
-                                           const Execution& execution) {
-  constexpr std::int64_t kRowsPerTask = 256;
-  std::vector<std::uint8_t> marks(static_cast<std::size_t>(product(blocks)));
-  parallel_for(execution, std::ssize(map.row_begin) - 1, kRowsPerTask, [&](std::int64_t row) {
-    const Coord<Dim> block = UniformBlocks<Dim>::block_of(coord_of(row * map.width, image.extent));
-    std::uint8_t* const of_row = marks.data() + linear_index(block, blocks);
-    map.for_runs(static_cast<std::size_t>(row), [&](std::int64_t begin, std::int64_t end, std::uint32_t component) {
-      if (!is_undecided(map, fates, main, component)) return;
-      for (std::int64_t b = begin >> UniformBlocks<Dim>::kShift; b <= (end - 1) >> UniformBlocks<Dim>::kShift; ++b)
-        std::atomic_ref(of_row[b]).store(1, std::memory_order_relaxed);
+template <class LookAt>
+void Fates<Dim>::glance(std::int64_t every, LookAt&& look) {
+  for (std::size_t b = 0; b < mesh_.blocks.size(); ++b)
+    for_groups(b, every, [&](std::size_t, std::int64_t begin, std::int64_t end) {
+      for_open_cells(b, begin, end, [&](Cell& cell) { visit(cell, look); });
     });
-  });
-  return marks;
+}
+
+/// At voxels of components that are not yet known to reach the main part of their material, and at all cells of other
+/// parts.
+template <int Dim>
+void Fates<Dim>::look_closely() {
+  std::vector<std::uint8_t> undecided(map_.components.size()), has_undecided(image_.labels.size());
+  for (std::size_t c = 0; c < undecided.size(); ++c) {
+    const MaterialId m = map_.components[c].material;
+    undecided[c] = fates_.main[m] != ComponentFate::kNone && fates_.in_main[c] == 0;
+    has_undecided[m] |= undecided[c];
+  }
+  const MarkedBlocks<Dim> blocks(image_, map_, undecided, execution_);
+  const bool large = needs_plain_blocks(image_, mesh_);
+  for (std::size_t b = 0; b < mesh_.blocks.size(); ++b) {
+    std::vector<std::vector<CellPlace>> elsewhere(
+        static_cast<std::size_t>(block_count(mesh_.blocks[b].size(), kCellsPerGroup)));
+    for_groups(b, 1, [&](std::size_t i, std::int64_t begin, std::int64_t end) {
+      std::optional<bool> touched;
+      for_open_cells(b, begin, end, [&](Cell& cell) {
+        const bool in_main = is_in_main(cell);
+        if (in_main) {
+          if (has_undecided[cell.material] == 0) return;
+          if (!touched) touched = blocks.touch(mesh_, mesh_.blocks[b], begin, end);
+          if (!*touched) return;
+        } else if (several_[cell.material] != 0) {
+          elsewhere[i].push_back({static_cast<std::uint8_t>(b), cell.cell});
+        }
+        visit(cell, [&](std::int64_t at) {
+          return (large && plain_[at]) || (in_main && !blocks[at]) ? Look::nowhere : Look::at_all;
+        });
+      });
+    });
+    for (const auto& in_group : elsewhere)
+      fates_.elsewhere.insert(fates_.elsewhere.end(), in_group.begin(), in_group.end());
+  }
 }
 
 }  // namespace
@@ -113,58 +232,10 @@ bool needs_plain_blocks(const LabelImage<Dim>& image, const Mesh<Dim>& mesh) {
 // are not. What is left are small components, whose voxels alone need to be looked at in the cells of the main part of
 // a material, and other parts.
 template <int Dim>
-std::vector<ComponentFate> component_fates(const LabelImage<Dim>& image, const ComponentMap& map, const Mesh<Dim>& mesh,
-                                           const MeshComponents<Dim>& components, const PlainBlocks<Dim>& plain,
-                                           std::span<const MaterialId> to_image, const Execution& execution) {
-  constexpr std::int64_t kGlance = 16;  // every so manieth task of cells
-  Fates<Dim> fates(map, components, image.labels.size(), to_image, execution);
-  const VoxelCentres<Dim> centres(image);
-  const auto look_at_cells = [&](std::int64_t every, auto&& skip, auto&& look) {
-    for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
-      const CellBlock& block = mesh.blocks[b];
-      const auto look_at_cell = [&](std::int64_t c) {
-        const MaterialId material = to_image[block.materials[static_cast<std::size_t>(c)]];
-        if (material == kOutside || fates.known(material)) return;
-        std::uint32_t found = ComponentFate::kNone;
-        const auto component = [&] {  // looked up when it is needed
-          if (found == ComponentFate::kNone) found = components.of(b, c);
-          return found;
-        };
-        if (skip(material, component)) return;
-        for_each_simplex(mesh, block, c, [&](const Simplex<Dim>& simplex) {
-          centres.visit(
-              simplex, plain.extent(), [&](std::int64_t at) { return look(at, material, component); },
-              [&](std::int64_t v) { return image.voxels[v] == material && !fates.covers(v, component()); },
-              [&](std::int64_t v) { fates.widen(v, material, component()); });
-        });
-      };
-      parallel_for(execution, block_count(block.size(), every * kCellsPerTask), 1, [&](std::int64_t task) {
-        const std::int64_t begin = task * every * kCellsPerTask;
-        for (std::int64_t c = begin; c < std::min(block.size(), begin + kCellsPerTask); ++c) look_at_cell(c);
-      });
-    }
-  };
-  const auto none = [](MaterialId, auto&&) { return false; };
-  const bool large = needs_plain_blocks(image, mesh);
-  if (large)
-    look_at_cells(1, none,
-                  [&](std::int64_t at, MaterialId, auto&&) { return plain[at] ? Look::at_first : Look::nowhere; });
-  else
-    look_at_cells(kGlance, none, [&](std::int64_t, MaterialId, auto&&) { return Look::at_all; });
-  const std::vector<std::uint32_t> main = fates.main_parts();
-  const std::vector<std::uint8_t> blocks = undecided_blocks(image, map, fates, main, plain.extent(), execution);
-  std::vector<std::uint8_t> undecided(main.size(), 0);  // of each material: whether a component is
-  for (std::uint32_t c = 0; c < map.components.size(); ++c)
-    undecided[map.components[c].material] |= static_cast<std::uint8_t>(is_undecided(map, fates, main, c));
-  look_at_cells(
-      1,
-      [&](MaterialId material, auto&& component) { return undecided[material] == 0 && component() == main[material]; },
-      [&](std::int64_t at, MaterialId material, auto&& component) {
-        if (large && plain[at]) return Look::nowhere;
-        const bool decided = blocks[static_cast<std::size_t>(at)] == 0 && component() == main[material];
-        return decided ? Look::nowhere : Look::at_all;
-      });
-  return fates.take();
+ComponentFates component_fates(const LabelImage<Dim>& image, const ComponentMap& map, const Mesh<Dim>& mesh,
+                               const MeshComponents<Dim>& components, const PlainBlocks<Dim>& plain,
+                               std::span<const MaterialId> to_image, const Execution& execution) {
+  return Fates<Dim>(image, map, mesh, components, plain, to_image, execution).find();
 }
 
 std::vector<MaterialId> match_labels(const std::vector<std::int32_t>& mesh, const std::vector<std::int32_t>& image) {
@@ -180,11 +251,11 @@ std::vector<MaterialId> match_labels(const std::vector<std::int32_t>& mesh, cons
   return match;
 }
 
-#define TREEMARCH_INSTANTIATE(DIM)                                                                                   \
-  template bool needs_plain_blocks(const LabelImage<DIM>&, const Mesh<DIM>&);                                        \
-  template std::vector<ComponentFate> component_fates(const LabelImage<DIM>&, const ComponentMap&, const Mesh<DIM>&, \
-                                                      const MeshComponents<DIM>&, const PlainBlocks<DIM>&,           \
-                                                      std::span<const MaterialId>, const Execution&);
+#define TREEMARCH_INSTANTIATE(DIM)                                                                       \
+  template bool needs_plain_blocks(const LabelImage<DIM>&, const Mesh<DIM>&);                            \
+  template ComponentFates component_fates(const LabelImage<DIM>&, const ComponentMap&, const Mesh<DIM>&, \
+                                          const MeshComponents<DIM>&, const PlainBlocks<DIM>&,           \
+                                          std::span<const MaterialId>, const Execution&);
 TREEMARCH_INSTANTIATE(2)
 TREEMARCH_INSTANTIATE(3)
 #undef TREEMARCH_INSTANTIATE
