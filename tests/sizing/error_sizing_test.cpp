@@ -17,7 +17,9 @@ template <int Dim>
 Levels refined(const LabelImage<Dim>& image, double tolerance, int threads = 2, int last = -1) {
   const auto sized = choose_cubic_lattice(image, 1, 16);
   Levels levels(static_cast<std::size_t>(product(sized.lattice.extent)), 0);
-  refine_by_error(image, sized, tolerance, last < 0 ? sized.deepest_level : last, levels, Execution(threads));
+  const Execution execution(threads);
+  refine_by_error(image, UniformBlocks<Dim>(image, execution), sized, tolerance, last < 0 ? sized.deepest_level : last,
+                  levels, execution);
   return levels;
 }
 

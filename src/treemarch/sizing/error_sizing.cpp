@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "treemarch/core/parallel.h"
-#include "treemarch/image/uniform_blocks.h"
 
 namespace treemarch {
 namespace {
@@ -268,9 +267,8 @@ class LevelErrors {
 }  // namespace
 
 template <int Dim>
-void refine_by_error(const LabelImage<Dim>& image, const SizedLattice<Dim>& sized, double tolerance, int last,
-                     std::vector<std::uint8_t>& levels, const Execution& execution) {
-  const UniformBlocks<Dim> uniform(image, execution);
+void refine_by_error(const LabelImage<Dim>& image, const UniformBlocks<Dim>& uniform, const SizedLattice<Dim>& sized,
+                     double tolerance, int last, std::vector<std::uint8_t>& levels, const Execution& execution) {
   for (int level = 0; level < last; ++level) {
     constexpr std::int64_t kFinestPerRange = 4096;  // cells
     const LevelErrors<Dim> errors(image, sized, level);
@@ -282,9 +280,9 @@ void refine_by_error(const LabelImage<Dim>& image, const SizedLattice<Dim>& size
   }
 }
 
-#define TREEMARCH_INSTANTIATE(DIM)                                                             \
-  template void refine_by_error(const LabelImage<DIM>&, const SizedLattice<DIM>&, double, int, \
-                                std::vector<std::uint8_t>&, const Execution&);
+#define TREEMARCH_INSTANTIATE(DIM)                                                                                   \
+  template void refine_by_error(const LabelImage<DIM>&, const UniformBlocks<DIM>&, const SizedLattice<DIM>&, double, \
+                                int, std::vector<std::uint8_t>&, const Execution&);
 TREEMARCH_INSTANTIATE(1)
 TREEMARCH_INSTANTIATE(2)
 TREEMARCH_INSTANTIATE(3)

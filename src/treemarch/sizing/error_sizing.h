@@ -7,6 +7,7 @@
 
 #include "treemarch/core/execution.h"
 #include "treemarch/image/label_image.h"
+#include "treemarch/image/uniform_blocks.h"
 #include "treemarch/sizing/lattice.h"
 
 namespace treemarch {
@@ -18,10 +19,10 @@ namespace treemarch {
 /// would take, and their own label's half-space of the right volume would not, as a volume over the area of one
 /// interface through all these voxels, are a mean distance between the image's interface and the best that piecewise
 /// linear weights can do at this size. A cell is also split when it would lose a piece of a label of 8 voxels or more
-/// that lies wholly within these voxels. \param levels as from required_levels(); one a finest cell. \param tolerance
-/// physical. \param last no cell is split to more than this level for its error.
+/// that lies wholly within these voxels. \param uniform of the image. \param levels as from required_levels(); one a
+/// finest cell. \param tolerance physical. \param last no cell is split to more than this level for its error.
 template <int Dim>
-void refine_by_error(const LabelImage<Dim>& image, const SizedLattice<Dim>& sized, double tolerance, int last,
-                     std::vector<std::uint8_t>& levels, const Execution& execution);
+void refine_by_error(const LabelImage<Dim>& image, const UniformBlocks<Dim>& uniform, const SizedLattice<Dim>& sized,
+                     double tolerance, int last, std::vector<std::uint8_t>& levels, const Execution& execution);
 
 }  // namespace treemarch

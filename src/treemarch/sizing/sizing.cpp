@@ -76,9 +76,9 @@ template <int Dim>
 class Demand {
  public:
   /// \param sizes of voxels, in lists of one a voxel each, or empty; 0 demands nothing.
-  Demand(const LabelImage<Dim>& image, const Levels& levels, const std::array<std::span<const float>, 2>& sizes,
-         const Coord<Dim>& cells, const Execution& execution)
-      : image_(image), uniform_(image, execution), levels_(levels), sizes_(sizes), cells_(cells) {
+  Demand(const LabelImage<Dim>& image, const UniformBlocks<Dim>& uniform, const Levels& levels,
+         const std::array<std::span<const float>, 2>& sizes, const Coord<Dim>& cells)
+      : image_(image), uniform_(uniform), levels_(levels), sizes_(sizes), cells_(cells) {
     for (std::int64_t d = 0, n = 1; d < Dim; n *= image.extent[d++]) {
       stride_[d] = n;
       const AxisCover cells_of(cells[d], image.extent[d]);  // the voxels cover cells as cells do voxels
@@ -235,7 +235,7 @@ class Demand {
   }
 
   const LabelImage<Dim>& image_;
-  const UniformBlocks<Dim> uniform_;
+  const UniformBlocks<Dim>& uniform_;
   const Levels& levels_;
   const std::array<std::span<const float>, 2>& sizes_;
   const Coord<Dim> cells_;
@@ -256,10 +256,11 @@ std::vector<std::uint8_t> required_levels(const LabelImage<Dim>& image, const Si
                          longest_side(lattice, 0), execution);
   std::vector<std::uint8_t> levels(static_cast<std::size_t>(product(lattice.lattice.extent)));
   const std::array<std::span<const float>, 2> sizes{rule.voxel_size, layers};
-  Demand<Dim>(image, by_rule, sizes, lattice.lattice.extent, execution).raise(levels, rule.few_voxels, execution);
+  const UniformBlocks<Dim> uniform(image, execution);
+  Demand<Dim>(image, uniform, by_rule, sizes, lattice.lattice.extent).raise(levels, rule.few_voxels, execution);
   if (rule.tolerance > 0) {
     const int last = rule.floor_size > 0 ? by_rule.level_of(rule.floor_size) : lattice.deepest_level;
-    refine_by_error(image, lattice, rule.tolerance, last, levels, execution);
+    refine_by_error(image, uniform, lattice, rule.tolerance, last, levels, execution);
   }
   limit_growth(lattice, rule.grading, levels, execution);
   return levels;
