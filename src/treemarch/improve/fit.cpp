@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <span>
 #include <utility>
 #include <vector>
@@ -63,20 +64,30 @@ struct Link {
 Vec<2> area_normal(const std::array<Vec<2>, 2>& p) { return {p[1][1] - p[0][1], p[0][0] - p[1][0]}; }
 Vec<3> area_normal(const std::array<Vec<3>, 3>& p) { return 0.5 * cross(p[1] - p[0], p[2] - p[0]); }
 
-/// Shares of the corners at the centres of n (2D) or n^2 (3D) equal parts of a facet.
+/// Points on a facet.
 template <int Dim>
-std::vector<std::array<double, Dim>> make_samples(int n) {
-  std::vector<std::array<double, Dim>> all;
+struct Samples {
+  std::vector<std::array<double, Dim>> share;           ///< of each corner
+  std::array<std::array<double, Dim>, Dim> coupling{};  ///< sum over all of products of the shares
+};
+
+/// At the centres of n (2D) or n^2 (3D) equal parts of a facet.
+template <int Dim>
+Samples<Dim> make_samples(int n) {
+  Samples<Dim> all;
   if constexpr (Dim == 2) {
-    for (int i = 0; i < n; ++i) all.push_back({1 - (i + 0.5) / n, (i + 0.5) / n});
+    for (int i = 0; i < n; ++i) all.share.push_back({1 - (i + 0.5) / n, (i + 0.5) / n});
   } else {
     for (int i = 0; i < n; ++i)
       for (int j = 0; i + j < n; ++j)
         for (const double third : {1.0 / 3, 2.0 / 3}) {
           const double a = (i + third) / n, b = (j + third) / n;
-          if (a + b < 1) all.push_back({1 - a - b, a, b});
+          if (a + b < 1) all.share.push_back({1 - a - b, a, b});
         }
   }
+  for (const auto& share : all.share)
+    for (int k = 0; k < Dim; ++k)
+      for (int j = 0; j < Dim; ++j) all.coupling[k][j] += share[k] * share[j];
   return all;
 }
 
@@ -149,9 +160,9 @@ class Fitter {
   Execution& execution_;
   SquaredQualityBound target_;
   double voxel_ = 1, largest_voxel_ = 1;
-  std::array<std::vector<std::array<double, Dim>>, kMostParts + 1> samples_;
-  std::vector<VertexId> chosen_, order_;  // ascending, and by their place in space
-  std::vector<std::uint32_t> rank_;       // place in order_ of each vertex of the mesh, or kNone
+  std::array<Samples<Dim>, kMostParts + 1> samples_;  // by parts of an edge
+  std::vector<VertexId> chosen_, order_;              // ascending, and by their place in space
+  std::vector<std::uint32_t> rank_;                   // place in order_ of each vertex of the mesh, or kNone
   std::vector<Facet<Dim>> facets_;
   std::array<double, 2> measured_{};  // area that the samples stand for, and sum of t^2
   // By places in order_:
@@ -320,33 +331,39 @@ bool Fitter<Dim>::to_field(const Shape<Dim>& f, const Vec<Dim>& x, double& t) co
   return false;  // neither material is near
 }
 
-/// Distance to where the voxels of one material end and those of the other begin.
+/// Distance to where the voxels of one material end and those of the other begin: from one voxel to the next.
 template <int Dim>
 bool Fitter<Dim>::to_voxels(const Shape<Dim>& f, const Vec<Dim>& x, double& t) const {
-  const auto side = [&](const Vec<Dim>& y) {
-    const MaterialId m = field_.voxel_label(y);
-    return m == f.first ? 1 : m == f.second ? -1 : 0;
-  };
-  const int start = side(x);
-  if (start == 0) return false;
-  const double step = 0.5 * f.voxel * start;
-  double low = 0;
-  for (int i = 1; std::abs(i * step) <= f.limit; ++i) {
-    const int here = side(x + (i * step) * f.normal);
-    if (here == start) {
-      low = i * step;
-      continue;
-    }
-    if (here == 0) return false;
-    double high = i * step;
-    for (int k = 0; k < 3; ++k) {
-      const double middle = 0.5 * (low + high);
-      (side(x + middle * f.normal) == start ? low : high) = middle;
-    }
-    t = 0.5 * (low + high);
-    return true;
+  const Bricks<Dim>& bricks = field_.bricks();
+  const Vec<Dim>& h = field_.spacing();
+  Coord<Dim> voxel, way;
+  for (int d = 0; d < Dim; ++d)
+    voxel[d] = static_cast<std::int32_t>(std::clamp(x[d] / h[d], 0.0, bricks.extent[d] - 1e-9));
+  const MaterialId start = bricks.own(voxel);
+  if (start != f.first && start != f.second) return false;
+  const MaterialId other = start == f.first ? f.second : f.first;
+  const double sign = start == f.first ? 1 : -1;
+  Vec<Dim> next, period;  // distance to the next face, and between faces
+  for (int d = 0; d < Dim; ++d) {
+    const double rate = sign * f.normal[d];
+    way[d] = rate > 0 ? 1 : -1;
+    period[d] = rate == 0 ? std::numeric_limits<double>::infinity() : h[d] / std::abs(rate);
+    next[d] = rate == 0 ? period[d] : ((rate > 0 ? voxel[d] + 1 : voxel[d]) * h[d] - x[d]) / rate;
   }
-  return false;
+  while (true) {
+    int axis = 0;
+    for (int d = 1; d < Dim; ++d)
+      if (next[d] < next[axis]) axis = d;
+    const double here = next[axis];
+    if (here > f.limit) return false;
+    next[axis] += period[axis];
+    voxel[axis] += way[axis];
+    if (voxel[axis] < 0 || voxel[axis] >= bricks.extent[axis]) return false;
+    const MaterialId m = bricks.own(voxel);
+    if (m == start) continue;
+    t = sign * here;
+    return m == other;
+  }
 }
 
 /// How much a facet follows the voxels, from 0 to 1. It averages over their staircase more the larger it is: the power
@@ -376,22 +393,23 @@ std::array<double, 2> Fitter<Dim>::measure(const Facet<Dim>& f) {
       samples_[std::clamp(static_cast<int>(std::ceil(longest / (kPart<Dim> * voxel_))), 1, kMostParts)];
   double count = 0, squares = 0;
   std::array<double, Dim> pull{};
-  std::array<std::array<double, Dim>, Dim> coupling{};
-  for (const auto& share : samples) {
+  auto coupling = samples.coupling;
+  for (const auto& share : samples.share) {
     Vec<Dim> x{};
     for (int k = 0; k < Dim; ++k) x = x + share[k] * p[k];
     double smooth = 0, sharp = 0;
-    if (sharpness < 1 && !to_field(shape, x, smooth)) continue;
-    if (sharpness > 0 && !to_voxels(shape, x, sharp)) continue;
+    if ((sharpness < 1 && !to_field(shape, x, smooth)) || (sharpness > 0 && !to_voxels(shape, x, sharp))) {
+      for (int k = 0; k < Dim; ++k)
+        for (int j = 0; j < Dim; ++j) coupling[k][j] -= share[k] * share[j];
+      continue;
+    }
     const double t = smooth + sharpness * (sharp - smooth);
     ++count;
     squares += t * t;
-    for (int k = 0; k < Dim; ++k) {
-      pull[k] += t * share[k];
-      for (int j = 0; j < Dim; ++j) coupling[k][j] += share[k] * share[j];
-    }
+    for (int k = 0; k < Dim; ++k) pull[k] += t * share[k];
   }
-  const double weight = area / static_cast<double>(samples.size());
+  if (count == 0) coupling = {};
+  const double weight = area / static_cast<double>(samples.share.size());
   for (int k = 0; k < Dim; ++k) {
     if (f.link[k] == kNone) continue;
     Link<Dim>& link = links_[f.link[k]];

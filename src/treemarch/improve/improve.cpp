@@ -196,7 +196,8 @@ void Improver<Dim>::lift(Patch<Dim>& patch, const std::vector<Vec<Dim>>& start) 
   std::vector<VertexId> candidates = corners(left_);
   const QualityBound list(options_.quality + kMargin);
   for (int round = 0; round < kSweeps && !left_.empty() && !late(); ++round) {
-    const std::int64_t moved = sweep(patch, candidates, execution_, [&](VertexId v, Vec<Dim>& x) {
+    const Turns turns = turns_of(patch, candidates, execution_);
+    const std::int64_t moved = sweep(patch, turns, execution_, [&](VertexId v, Vec<Dim>& x) {
       return find_better_place(patch, v, field_, box_, limits_, false, start[patch.slot(v)], x);
     });
     report_.moves += moved;
@@ -255,8 +256,10 @@ void Improver<Dim>::pull(Patch<Dim>& patch, const std::vector<Vec<Dim>>& start, 
   MoveLimits limits = limits_;
   limits.goal = options_.quality + kMargin;
   limits.slack *= 0.1;
-  for (int round = 0; round < kPulls && !off.empty() && !late(); ++round)
-    report_.pulls += sweep(patch, off, execution_, [&](VertexId v, Vec<Dim>& x) {
+  if (off.empty()) return;
+  const Turns turns = turns_of(patch, off, execution_);
+  for (int round = 0; round < kPulls && !late(); ++round)
+    report_.pulls += sweep(patch, turns, execution_, [&](VertexId v, Vec<Dim>& x) {
       return find_nearer_place(patch, v, field_, box_, limits, start[patch.slot(v)], x);
     });
 }

@@ -36,21 +36,21 @@ class Turns {
     for (const VertexId v : vertices_) rank.push_back({scramble(v), v});
     parallel_for(execution, std::ssize(before_), 1, [&](std::int64_t task) {
       const std::int64_t first = task * per_task_, last = std::min(std::ssize(vertices_), first + per_task_);
-      std::vector<std::uint32_t> around;
+      std::vector<std::uint32_t>& before = before_[task];
       for (std::int64_t i = first; i < last; ++i) {
-        around.clear();
+        const auto begin = std::ssize(before);
         neighbours(i, [&](std::uint32_t j) {
-          if (std::find(around.rbegin(), around.rend(), j) == around.rend()) around.push_back(j);
+          if (rank[j] < rank[i] && std::find(before.rbegin(), before.rend() - begin, j) == before.rend() - begin)
+            before.push_back(j);
         });
-        for (const std::uint32_t j : around)
-          if (rank[j] < rank[i]) before_[task].push_back(j);
-        end_[i] = static_cast<std::uint32_t>(before_[task].size());
+        end_[i] = static_cast<std::uint32_t>(before.size());
         by_hash_[i] = static_cast<std::uint32_t>(i);
       }
       std::ranges::sort(by_hash_.begin() + first, by_hash_.begin() + last, {},
                         [&](std::uint32_t i) { return rank[i]; });
     });
   }
+  [[nodiscard]] std::size_t size() const { return vertices_.size(); }
   [[nodiscard]] VertexId vertex(std::uint32_t i) const { return vertices_[i]; }
   /// Those before a vertex. Vertices are given by their places in the list.
   [[nodiscard]] std::span<const std::uint32_t> before(std::uint32_t i) const {
@@ -121,25 +121,31 @@ std::int64_t sweep(const Turns& turns, std::span<const std::uint8_t> is_candidat
   return moved;
 }
 
-/// The same with all of some vertices of a patch.
-/// \param candidates each once, all with stars. \param find_place bool(VertexId v, Vec<Dim>& x): whether v shall move,
-/// and where to. Moves that the guard of the patch refuses are left out.
-template <int Dim, class FindPlace>
-std::int64_t sweep(Patch<Dim>& patch, const std::vector<VertexId>& candidates, const Execution& execution,
-                   const FindPlace& find_place) {
+/// The turns of some vertices of a patch.
+/// \param candidates each once, all with stars
+template <int Dim>
+Turns turns_of(const Patch<Dim>& patch, const std::vector<VertexId>& candidates, const Execution& execution) {
   constexpr std::uint32_t kNone = 0xffffffffU;
   std::vector<std::uint32_t> place(patch.chosen().size(), kNone);  // in the list, by slots
   for (std::size_t i = 0; i < candidates.size(); ++i) place[patch.slot(candidates[i])] = static_cast<std::uint32_t>(i);
-  const Turns turns(candidates, execution, [&](std::int64_t i, const auto& add) {
+  return Turns(candidates, execution, [&](std::int64_t i, const auto& add) {
     for (const CellId c : patch.star(candidates[i]))
       for (const VertexId w : patch.cell(c))
         if (const std::int64_t slot = patch.slot(w); slot >= 0 && place[slot] != kNone) add(place[slot]);
   });
-  const std::vector<std::uint8_t> all(candidates.size(), 1);
+}
+
+/// The same with all vertices of `turns`, which are of a patch.
+/// \param find_place bool(VertexId v, Vec<Dim>& x): whether v shall move, and where to. Moves that the guard of the
+/// patch refuses are left out.
+template <int Dim, class FindPlace>
+std::int64_t sweep(Patch<Dim>& patch, const Turns& turns, const Execution& execution, const FindPlace& find_place) {
+  const std::vector<std::uint8_t> all(turns.size(), 1);
   return sweep(turns, all, execution, [&](std::uint32_t i) {
+    const VertexId v = turns.vertex(i);
     Vec<Dim> x;
-    if (!find_place(candidates[i], x) || !patch.keeps_anchors(candidates[i], x)) return false;
-    patch.move(candidates[i], x);
+    if (!find_place(v, x) || !patch.keeps_anchors(v, x)) return false;
+    patch.move(v, x);
     return true;
   });
 }
