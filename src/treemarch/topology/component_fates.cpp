@@ -224,7 +224,7 @@ void Fates<Dim>::look_closely() {
 
 template <int Dim>
 bool needs_plain_blocks(const LabelImage<Dim>& image, const Mesh<Dim>& mesh) {
-  constexpr std::int64_t kFewVoxels = 4;  // a cell
+  constexpr std::int64_t kFewVoxels = 8;  // a cell
   return product(image.extent) > kFewVoxels * mesh.cell_count();
 }
 
