@@ -18,7 +18,7 @@ namespace treemarch {
 namespace {
 
 // In lengths of the longest edge of a cell.
-constexpr double kReachOfPinches = 2;  // a move at a vertex changes the links one ring further
+constexpr double kReachOfPinches = 1;  // a move at a vertex changes the links one ring further
 constexpr double kReachOfParts = 4;    // the widest gap that is bridged
 
 constexpr std::int64_t kFacetsPerTask = 1 << 14;
@@ -134,7 +134,8 @@ class Repairer {
     return marked;
   }
 
-  /// \return whether to look again: what is done to pinches disconnects nothing, a way that joins two parts may.
+  /// \return whether to look again: a way that joins two parts may disconnect others, and moves at pinches may lead to
+  /// the rim of what is worked on.
   bool mend(const BrokenComponents<Dim>& broken, const std::vector<Stray>& strays,
             const MeshComponents<Dim>& components) {
     Marks at_pinch(mesh_.points.size());
@@ -165,7 +166,7 @@ class Repairer {
     }
     add_anchors(restored);
     restored_.insert(restored_.end(), restored.begin(), restored.end());
-    if (relabelled == 0 || mended.surely_whole) return false;
+    if (!unpincher.is_confined() && (relabelled == 0 || mended.surely_whole)) return false;
     Marks changed(mesh_.points.size());
     for (const CellId c : mended.relabelled)
       for (const VertexId v : patch.cell(c)) changed.mark(v);

@@ -145,7 +145,10 @@ template <int Dim>
 void Unpincher<Dim>::propose(std::span<const CellId> cells, MaterialId to) {
   touched_.clear();
   for (const CellId c : cells) add_vertices<Dim>(patch_.cell(c), touched_);
-  if (std::ranges::any_of(touched_, [&](VertexId v) { return !patch_.has_star(v); })) return;
+  if (std::ranges::any_of(touched_, [&](VertexId v) { return !patch_.has_star(v); })) {
+    at_rim_ = true;
+    return;
+  }
   const MaterialId from = patch_.material(cells[0]);
   int before = 0, after = 0;
   for (const VertexId v : touched_) before += excess_before(v);
@@ -245,6 +248,7 @@ bool Unpincher<Dim>::treat(VertexId v) {
   list_parts(v);
   before_.clear();
   moves_.clear();
+  at_rim_ = false;
   propose_parts();
   if (apply_best()) return true;
   moves_.clear();
@@ -257,11 +261,14 @@ template <int Dim>
 void Unpincher<Dim>::run(std::vector<VertexId> vertices) {
   for (int pass = 0; pass < kPasses && !vertices.empty(); ++pass) {
     bool any = false;
+    confined_ = false;
     pinched_.clear();
     std::vector<VertexId> left;
     for (const VertexId v : vertices) {
       while (excess(v) > 0 && treat(v)) any = true;
-      if (excess(v) > 0) left.push_back(v);
+      if (excess(v) == 0) continue;
+      left.push_back(v);
+      confined_ |= at_rim_;
     }
     left.insert(left.end(), pinched_.begin(), pinched_.end());
     std::ranges::sort(left);

@@ -35,6 +35,8 @@ class Unpincher {
   [[nodiscard]] std::int64_t relabelled() const { return relabelled_; }
   /// Sheets that are left.
   [[nodiscard]] std::int64_t left() const { return left_; }
+  /// Whether there might be a move for some of them if more vertices had stars.
+  [[nodiscard]] bool is_confined() const { return confined_; }
   /// Sheets of boundaries at a vertex beyond one a material.
   int excess(VertexId v);
 
@@ -74,6 +76,8 @@ class Unpincher {
   std::vector<VertexId> touched_;
   std::vector<VertexId> pinched_;  // by moves
   std::int64_t relabelled_ = 0, left_ = 0;
+  bool at_rim_ = false;  // a move of the vertex that is treated was not tried, as a vertex of it has no star
+  bool confined_ = false;
 };
 
 }  // namespace treemarch
