@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <tuple>
 
 #include "treemarch/image/label_image.h"
@@ -43,23 +44,21 @@ class VoxelCentres {
     const VoxelBox<Dim> box = box_of(simplex);
     if (box.is_empty()) return;
     Inside inside(image_, simplex, box);
-    const Coord<Dim> first = UniformBlocks<Dim>::block_of(box.begin);
-    Coord<Dim> count;
-    for (int d = 0; d < Dim; ++d) count[d] = ((box.end[d] - 1) >> UniformBlocks<Dim>::kShift) - first[d] + 1;
-    for (std::int64_t i = 0; i < product(count); ++i) {
-      Coord<Dim> block = coord_of(i, count);
-      for (int d = 0; d < Dim; ++d) block[d] += first[d];
-      const Look how = look(linear_index(block, blocks));
-      if (how == Look::nowhere) continue;
-      VoxelBox<Dim> part = voxels_of_block(block, image_.extent);
-      if (how == Look::at_first)
-        for (int d = 0; d < Dim; ++d) part.end[d] = part.begin[d] + 1;
-      for (int d = 0; d < Dim; ++d) {
-        part.begin[d] = std::max(part.begin[d], box.begin[d]);
-        part.end[d] = std::min(part.end[d], box.end[d]);
+    VoxelBox<Dim> around{UniformBlocks<Dim>::block_of(box.begin), {}};
+    for (int d = 0; d < Dim; ++d) around.end[d] = ((box.end[d] - 1) >> UniformBlocks<Dim>::kShift) + 1;
+    for_each_row(around, blocks, [&](Coord<Dim> block, std::int64_t at) {
+      for (; block[0] < around.end[0]; ++block[0], ++at) {
+        const Look how = look(at);
+        if (how == Look::nowhere) continue;
+        VoxelBox<Dim> part;
+        for (int d = 0; d < Dim; ++d) {
+          const std::int32_t first = block[d] << UniformBlocks<Dim>::kShift;
+          part.begin[d] = std::max(first, box.begin[d]);
+          part.end[d] = std::min(first + (how == Look::at_first ? 1 : UniformBlocks<Dim>::kSide), box.end[d]);
+        }
+        if (!part.is_empty()) visit_box(part, inside, wanted, use);
       }
-      if (!part.is_empty()) visit_box(part, inside, wanted, use);
-    }
+    });
   }
 
  private:
@@ -70,9 +69,8 @@ class VoxelCentres {
    public:
     Inside(const LabelImage<Dim>& image, const Simplex<Dim>& simplex, const VoxelBox<Dim>& box)
         : image_(image), simplex_(simplex), barycentric_(simplex), box_(box) {}
-    [[nodiscard]] bool is_possible() const { return barycentric_.is_valid(); }
     [[nodiscard]] bool contains(const Coord<Dim>& voxel) const {
-      return barycentric_.contains(image_.centre(voxel), kTolerance);
+      return barycentric_.is_valid() && barycentric_.contains(image_.centre(voxel), kTolerance);
     }
 
     /// Makes it ready for rows; false where the coordinates are too steep for that.
@@ -91,66 +89,74 @@ class VoxelCentres {
             range += std::abs(step_[i][d]) * (box_.end[d] - box_.begin[d]);
           }
           is_sound_ &= range < kSteepest;
-          per_slope_[i] = std::abs(step_[i][0]) < kSlack / kSteepest ? 0 : 1 / step_[i][0];
+          const double slope = step_[i][0];
+          const bool is_flat = std::abs(slope) < kSlack / kSteepest;
+          per_slope_[i] = is_flat ? 0 : 1 / slope;
+          no_low_[i] = !is_flat && slope > 0 ? 0 : -kInfinite;
+          no_high_[i] = !is_flat && slope < 0 ? 0 : kInfinite;
+          least_[i] = is_flat ? -2 * kSlack : -kInfinite;
         }
       }
       return is_sound_;
     }
 
-    /// Calls f(x, sure) for the voxels [first, end) of a row that may lie in the simplex. \pre prepare()
+    /// Calls f(x, is_sure) for the voxels [first, end) of a row that may lie in the simplex; is_sure() tells whether
+    /// they do. \pre prepare()
     template <class F>
     void visit_row(const Coord<Dim>& first, std::int32_t end, F&& f) const {
       double low = first[0] - box_.begin[0], high = end - 1 - box_.begin[0];
       std::array<double, Dim + 1> value;  // at the begin of the box, in this row
-      for (int i = 0; i <= Dim; ++i) {
+      bool is_out = false;
+      for (int i = 0; i <= Dim; ++i) {  // without branches: what a facet bounds changes from one to the next
         value[i] = at_begin_[i];
         for (int d = 1; d < Dim; ++d) value[i] += step_[i][d] * (first[d] - box_.begin[d]);
-        const double per_slope = per_slope_[i];
-        if (per_slope == 0) {
-          if (value[i] < -2 * kSlack) return;
-        } else if (per_slope > 0) {
-          low = std::max(low, (-kSlack - value[i]) * per_slope);
-        } else {
-          high = std::min(high, (-kSlack - value[i]) * per_slope);
-        }
+        const double x = (-kSlack - value[i]) * per_slope_[i];
+        low = std::max(low, x + no_low_[i]);
+        high = std::min(high, x + no_high_[i]);
+        is_out |= value[i] < least_[i];
       }
-      if (low > high) return;
-      for (auto x = static_cast<std::int32_t>(std::ceil(low)); x <= high; ++x) {
-        double least = 1;
-        for (int i = 0; i <= Dim; ++i) least = std::min(least, value[i] + step_[i][0] * x);
-        f(box_.begin[0] + x, least > kSlack);
-      }
+      if (is_out || low > high) return;
+      auto x = static_cast<std::int32_t>(low);
+      if (x < low) ++x;
+      for (; x <= high; ++x)
+        f(box_.begin[0] + x, [&] {
+          double least = 1;
+          for (int i = 0; i <= Dim; ++i) least = std::min(least, value[i] + step_[i][0] * x);
+          return least > kSlack;
+        });
     }
 
    private:
     // Far above the rounding errors of coordinates up to kSteepest, far below what matters.
     static constexpr double kSlack = 1e-6, kSteepest = 1e6;
+    static constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
     const LabelImage<Dim>& image_;
     const Simplex<Dim>& simplex_;
     const Barycentric<Dim> barycentric_;
     const VoxelBox<Dim> box_;
     bool is_ready_ = false, is_sound_ = false;
-    std::array<double, Dim + 1> at_begin_{}, per_slope_{};  // 0: constant along a row
-    std::array<Vec<Dim>, Dim + 1> step_{};
+    std::array<double, Dim + 1> at_begin_, per_slope_;  // 0: constant along a row
+    std::array<double, Dim + 1> no_low_, no_high_;      // infinite where it bounds no row from there, else 0
+    std::array<double, Dim + 1> least_;                 // in a row that is not outside altogether
+    std::array<Vec<Dim>, Dim + 1> step_;
   };
 
   template <class Wanted, class Use>
   void visit_box(const VoxelBox<Dim>& box, Inside& inside, Wanted&& wanted, Use&& use) const {
-    constexpr std::int64_t kFew = 4;  // not worth the preparation
-    if (!inside.is_possible()) return;
-    const bool by_rows = box.size() > kFew && inside.prepare();
+    constexpr std::int64_t kFew = 2;                             // not worth the preparation
+    const bool by_rows = box.size() > kFew && inside.prepare();  // a flat simplex is too steep
     for_each_row(box, image_.extent, [&](Coord<Dim> c, std::int64_t at) {
       const std::int64_t origin = at - c[0];
-      const auto look = [&](std::int32_t x, bool sure) {
+      const auto look = [&](std::int32_t x, auto&& is_sure) {
         if (!wanted(origin + x)) return;
         c[0] = x;
-        if (sure || inside.contains(c)) use(origin + x);
+        if (is_sure() || inside.contains(c)) use(origin + x);
       };
       if (by_rows)
         inside.visit_row(c, box.end[0], look);
       else
-        for (std::int32_t x = c[0]; x < box.end[0]; ++x) look(x, false);
+        for (std::int32_t x = c[0]; x < box.end[0]; ++x) look(x, [] { return false; });
     });
   }
 
