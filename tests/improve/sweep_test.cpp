@@ -18,8 +18,8 @@ Vec<3> half_way(const Patch<3>& patch, VertexId v) {
 }
 
 /// Where the sweep leaves the vertices that each move half way, some excepted.
-std::vector<Vec<3>> smoothed(const testing::CutImage<3>& cut, const std::vector<VertexId>& vertices,
-                             const std::vector<std::uint8_t>& wanted, int threads) {
+Points<3> smoothed(const testing::CutImage<3>& cut, const std::vector<VertexId>& vertices,
+                   const std::vector<std::uint8_t>& wanted, int threads) {
   Mesh<3> mesh = cut.mesh;
   const Execution execution(threads);
   std::vector<VertexId> sorted = vertices;
@@ -52,7 +52,7 @@ TEST(Sweep, MovesOneAfterTheOther) {
   for (VertexId v = 0; v < cut.mesh.points.size(); ++v)
     if (v % 5 != 0) vertices.push_back(v), wanted.push_back(v % 3 != 0);
   ASSERT_GT(vertices.size(), 2000U);
-  const std::vector<Vec<3>> points = smoothed(cut, vertices, wanted, 1);
+  const Points<3> points = smoothed(cut, vertices, wanted, 1);
   for (const int threads : {2, 7}) EXPECT_EQ(smoothed(cut, vertices, wanted, threads), points);
 
   std::vector<std::pair<std::uint64_t, VertexId>> by_hash;

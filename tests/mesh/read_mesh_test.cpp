@@ -169,7 +169,7 @@ TEST_F(ReadMeshTest, ReadsOtherEncodingsOfVtu) {
       "JAAAAA==AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAAEAAAAAA\n</DataArray>";
   for (const std::string& points : {text, one, two}) {
     const auto mesh = std::get<Mesh<2>>(read_text("a.vtu", file("header_type=\"UInt32\"", points)));
-    EXPECT_EQ(mesh.points, (std::vector<Vec<2>>{{0, 0}, {1, 0}, {0, 2}}));
+    EXPECT_EQ(mesh.points, (Points<2>{{0, 0}, {1, 0}, {0, 2}}));
     EXPECT_EQ(mesh.labels, std::vector<std::int32_t>{-7});
   }
 }

@@ -13,7 +13,7 @@ constexpr std::int64_t kBlock = 1 << 14;
 }  // namespace
 
 template <int Dim>
-std::vector<VertexId> off_surface_vertices(const std::vector<Vec<Dim>>& points, const MaterialsAround& around,
+std::vector<VertexId> off_surface_vertices(const Points<Dim>& points, const MaterialsAround& around,
                                            const Field<Dim>& field, float tolerance, const Execution& execution) {
   const std::int64_t n = around.size();
   std::vector<std::vector<VertexId>> part(static_cast<std::size_t>(block_count(n, kBlock)));
@@ -30,9 +30,9 @@ std::vector<VertexId> off_surface_vertices(const std::vector<Vec<Dim>>& points, 
   return all;
 }
 
-template std::vector<VertexId> off_surface_vertices(const std::vector<Vec<2>>&, const MaterialsAround&, const Field<2>&,
-                                                    float, const Execution&);
-template std::vector<VertexId> off_surface_vertices(const std::vector<Vec<3>>&, const MaterialsAround&, const Field<3>&,
-                                                    float, const Execution&);
+template std::vector<VertexId> off_surface_vertices(const Points<2>&, const MaterialsAround&, const Field<2>&, float,
+                                                    const Execution&);
+template std::vector<VertexId> off_surface_vertices(const Points<3>&, const MaterialsAround&, const Field<3>&, float,
+                                                    const Execution&);
 
 }  // namespace treemarch

@@ -28,7 +28,7 @@ class MaterialsAround {
 /// Vertices between two or more materials where the two largest weights of the field differ by more than `tolerance`,
 /// ascending. A weight changes by 0.5 to 1 over a voxel across an interface.
 template <int Dim>
-std::vector<VertexId> off_surface_vertices(const std::vector<Vec<Dim>>& points, const MaterialsAround& around,
+std::vector<VertexId> off_surface_vertices(const Points<Dim>& points, const MaterialsAround& around,
                                            const Field<Dim>& field, float tolerance, const Execution& execution);
 
 }  // namespace treemarch

@@ -63,7 +63,7 @@ class Patch {
   [[nodiscard]] bool fixed(VertexId v) const { return v < fixed_.size() && fixed_[v] != 0; }
   [[nodiscard]] bool alive(CellId c) const { return block_.vertices[std::size_t{c} * (Dim + 1)] != kNoVertex; }
   [[nodiscard]] const Vec<Dim>& point(VertexId v) const { return mesh_.points[v]; }
-  [[nodiscard]] const std::vector<Vec<Dim>>& points() const { return mesh_.points; }
+  [[nodiscard]] const Points<Dim>& points() const { return mesh_.points; }
   [[nodiscard]] Vec<Dim> centroid(CellId c) const {
     Vec<Dim> x{};
     for (const VertexId v : cell(c)) x = x + (1.0 / (Dim + 1)) * mesh_.points[v];

@@ -97,7 +97,7 @@ std::array<VertexId, Dim> others_of(const SimplexVertices<Dim>& cell, VertexId v
 }
 
 template <int Dim>
-void StarCheck<Dim>::gather(const std::vector<Vec<Dim>>& points, std::span<const std::array<VertexId, Dim>> cells) {
+void StarCheck<Dim>::gather(const Points<Dim>& points, std::span<const std::array<VertexId, Dim>> cells) {
   cells_ = cells.size();
   size_ = (cells.size() + kLanes - 1) / kLanes;
   worst_ = 0;

@@ -25,7 +25,7 @@ template <int Dim>
 class StarCheck {
  public:
   /// Takes the cells around a vertex as they are now. \param cells others_of() of each, at least one
-  void gather(const std::vector<Vec<Dim>>& points, std::span<const std::array<VertexId, Dim>> cells);
+  void gather(const Points<Dim>& points, std::span<const std::array<VertexId, Dim>> cells);
   /// Whether all of them reach the bound when the vertex is at x.
   [[nodiscard]] bool all_meet(const Vec<Dim>& x, const SquaredQualityBound& bound);
   /// Calls use(i) for each that does not, in the order they were given.

@@ -55,8 +55,7 @@ double facet_area(const std::array<Vec<Dim>, Dim + 1>& x, int opposite) {
 }
 
 template <int Dim>
-std::array<Vec<Dim>, Dim + 1> corners_of(const std::array<VertexId, Dim + 1>& cell,
-                                         const std::vector<Vec<Dim>>& points) {
+std::array<Vec<Dim>, Dim + 1> corners_of(const std::array<VertexId, Dim + 1>& cell, const Points<Dim>& points) {
   std::array<Vec<Dim>, Dim + 1> x;
   for (int k = 0; k <= Dim; ++k) x[k] = points[cell[k]];
   return x;
@@ -89,7 +88,7 @@ constexpr std::uint64_t edge_key(VertexId a, VertexId b) {
 }  // namespace
 
 template <int Dim>
-PaperSeparation<Dim>::PaperSeparation(ActiveCells<Dim>& cells, std::vector<Vec<Dim>>& points, std::size_t materials,
+PaperSeparation<Dim>::PaperSeparation(ActiveCells<Dim>& cells, Points<Dim>& points, std::size_t materials,
                                       const PaperMarchOptions<Dim>& options, Execution& execution)
     : cells_(cells),
       points_(points),
@@ -183,7 +182,7 @@ void PaperSeparation<Dim>::evaluate_field(std::span<const VertexId> vertices) {
   parallel_for_ranges(
       execution_, static_cast<std::int64_t>(vertices.size()), 64, [&](std::int64_t begin, std::int64_t end) {
         const auto part = vertices.subspan(static_cast<std::size_t>(begin), static_cast<std::size_t>(end - begin));
-        std::vector<Vec<Dim>> points;
+        Points<Dim> points;
         points.reserve(part.size());
         for (const VertexId v : part) points.push_back(points_[v]);
         std::vector<double> values(points.size());

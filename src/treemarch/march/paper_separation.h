@@ -24,7 +24,7 @@ class PaperSeparation {
 
   /// \param materials number of materials
   /// \pre `points` belongs to the mesh of `cells`; both outlive this object
-  PaperSeparation(ActiveCells<Dim>& cells, std::vector<Vec<Dim>>& points, std::size_t materials,
+  PaperSeparation(ActiveCells<Dim>& cells, Points<Dim>& points, std::size_t materials,
                   const PaperMarchOptions<Dim>& options, Execution& execution);
 
   /// Separates one material. Adds to the counts of `report`.
@@ -73,7 +73,7 @@ class PaperSeparation {
   [[nodiscard]] MaterialId majority(const LostPart& part) const;
 
   ActiveCells<Dim>& cells_;
-  std::vector<Vec<Dim>>& points_;
+  Points<Dim>& points_;
   const PaperMarchOptions<Dim>& options_;
   Execution& execution_;
   Vec<Dim> low_, high_;  ///< bounding box

@@ -47,10 +47,14 @@ struct CellBlock {
   [[nodiscard]] const VertexId* cell(std::int64_t i) const { return vertices.data() + i * vertex_count(type); }
 };
 
+/// A std::vector of points, where resize() does not set new ones.
+template <int Dim>
+using Points = RawVector<Vec<Dim>>;
+
 /// A conforming mesh. Points are in the inner frame (image/frame.h).
 template <int Dim>
 struct Mesh {
-  std::vector<Vec<Dim>> points;
+  Points<Dim> points;
   std::vector<CellBlock> blocks;     ///< at most one of each type, in the order of CellType
   std::vector<std::int32_t> labels;  ///< the image's value of each material
   std::vector<std::string> names;    ///< as in LabelImage

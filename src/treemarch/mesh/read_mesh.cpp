@@ -60,7 +60,7 @@ template <int Dim>
 Mesh<Dim> assembled(const MeshInput& input) {
   Mesh<Dim> mesh;
   if constexpr (Dim == 4) {
-    mesh.points = input.space_time_points;
+    mesh.points.assign(input.space_time_points.begin(), input.space_time_points.end());
   } else {
     mesh.points.reserve(input.points.size());
     for (const Vec<3>& p : input.points) {

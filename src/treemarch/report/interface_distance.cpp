@@ -94,7 +94,7 @@ class FaceSearch {
 };
 
 template <int Dim>
-double facet_area(const std::vector<Vec<Dim>>& points, const LocalFacet& facet, const VertexId* cell) {
+double facet_area(const Points<Dim>& points, const LocalFacet& facet, const VertexId* cell) {
   const auto p = [&](int k) { return points[cell[facet.vertex[static_cast<std::size_t>(k)]]]; };
   if constexpr (Dim == 2) {
     return norm(p(1) - p(0));
@@ -107,7 +107,7 @@ double facet_area(const std::vector<Vec<Dim>>& points, const LocalFacet& facet, 
 
 /// Whether all vertices of a facet lie on one side of the box of an image.
 template <int Dim>
-bool on_box(const std::vector<Vec<Dim>>& points, const LocalFacet& facet, const VertexId* cell, const Vec<Dim>& box) {
+bool on_box(const Points<Dim>& points, const LocalFacet& facet, const VertexId* cell, const Vec<Dim>& box) {
   for (int d = 0; d < Dim; ++d)
     for (const double side : {0.0, box[d]}) {
       bool on = true;

@@ -32,7 +32,7 @@ void check(const SmoothOptions& options) {
 
 /// Angles of a simplex if its vertex v were at x.
 template <int Dim>
-AngleRange cell_angles_with(const VertexId* cell, const std::vector<Vec<Dim>>& points, VertexId v, const Vec<Dim>& x) {
+AngleRange cell_angles_with(const VertexId* cell, const Points<Dim>& points, VertexId v, const Vec<Dim>& x) {
   std::array<Vec<Dim>, Dim + 1> corners;
   for (int k = 0; k <= Dim; ++k) corners[k] = cell[k] == v ? x : points[cell[k]];
   return angle_range<Dim>(corners);
@@ -222,7 +222,7 @@ class SubsetSmoother {
     return cell_angles_with<Dim>(strata_.simplices().cell(c), points_, v, x);
   }
 
-  std::vector<Vec<Dim>>& points_;
+  Points<Dim>& points_;
   const Strata<Dim>& strata_;
   SubsetGraph graph_;
   double max_displacement_;

@@ -38,7 +38,7 @@ constexpr std::int64_t kBlock = 4096;
 }  // namespace
 
 template <int Dim>
-VertexCells::VertexCells(const CellBlock& simplices, const std::vector<Vec<Dim>>& points)
+VertexCells::VertexCells(const CellBlock& simplices, const Points<Dim>& points)
     : first_(points.size() + 1, 0), cells_(simplices.vertices.size()) {
   if (simplices.size() > 0xffffffffLL) {
     throw Error(ErrorKind::limits, "smooth: more than 2^32 - 1 cells; choose larger cells");
@@ -246,8 +246,8 @@ void Strata<Dim>::find_blocks(SubsetGraph& graph, const Execution& execution) co
   graph.colours.push_back(static_cast<std::uint32_t>(graph.blocks.size()) - 1);
 }
 
-template VertexCells::VertexCells(const CellBlock&, const std::vector<Vec<2>>&);
-template VertexCells::VertexCells(const CellBlock&, const std::vector<Vec<3>>&);
+template VertexCells::VertexCells(const CellBlock&, const Points<2>&);
+template VertexCells::VertexCells(const CellBlock&, const Points<3>&);
 template class Strata<2>;
 template class Strata<3>;
 

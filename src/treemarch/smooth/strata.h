@@ -16,7 +16,7 @@ class VertexCells {
  public:
   /// \throw Error(limits) for more than 2^32 - 1 cells
   template <int Dim>
-  VertexCells(const CellBlock& simplices, const std::vector<Vec<Dim>>& points);
+  VertexCells(const CellBlock& simplices, const Points<Dim>& points);
 
   [[nodiscard]] std::span<const std::uint32_t> operator[](VertexId v) const {
     return {cells_.data() + first_[v], first_[v + 1] - first_[v]};

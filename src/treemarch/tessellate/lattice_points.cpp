@@ -23,9 +23,9 @@ std::int64_t LatticePoints<Dim>::number(const Execution& execution) {
 }
 
 template <int Dim>
-std::vector<Vec<Dim>> LatticePoints<Dim>::positions(const Lattice<Dim>& lattice, const Execution& execution) const {
+Points<Dim> LatticePoints<Dim>::positions(const Lattice<Dim>& lattice, const Execution& execution) const {
   const auto n = static_cast<std::int64_t>(points_.words().size());
-  std::vector<Vec<Dim>> points(static_cast<std::size_t>(size_));
+  Points<Dim> points(static_cast<std::size_t>(size_));
   parallel_for(execution, n, kWordsPerBlock, [&](std::int64_t w) {
     std::size_t id = points_.first_of_word(w);
     for (std::uint64_t rest = points_.words()[w]; rest != 0; rest &= rest - 1) {

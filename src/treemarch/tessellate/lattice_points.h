@@ -38,7 +38,7 @@ class LatticePoints {
   /// \pre number() was called and the set contains the point.
   [[nodiscard]] VertexId id(const Coord<Dim>& half) const { return points_.rank(key(half)); }
   /// Physical positions of the points in the order of their numbers.
-  [[nodiscard]] std::vector<Vec<Dim>> positions(const Lattice<Dim>& lattice, const Execution& execution) const;
+  [[nodiscard]] Points<Dim> positions(const Lattice<Dim>& lattice, const Execution& execution) const;
 
  private:
   [[nodiscard]] std::int64_t key(const Coord<Dim>& half) const {
