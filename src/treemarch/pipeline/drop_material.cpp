@@ -1,11 +1,11 @@
 #include "treemarch/pipeline/drop_material.h"
 
 #include <algorithm>
+#include <atomic>
 #include <span>
 
 #include "treemarch/core/parallel.h"
 #include "treemarch/core/raw_vector.h"
-#include "treemarch/mesh/marks.h"
 
 namespace treemarch {
 namespace {
@@ -56,22 +56,26 @@ void remove_cells(CellBlock& block, MaterialId material, const Execution& execut
 }
 
 /// Marks the vertices of the cells that are not of a material.
-void mark_used(const CellBlock& block, MaterialId material, Marks& used, const Execution& execution) {
+void mark_used(const CellBlock& block, MaterialId material, std::vector<std::uint8_t>& used,
+               const Execution& execution) {
   const int width = vertex_count(block.type);
   parallel_for(execution, block.size(), kBlock, [&](std::int64_t c) {
     if (block.materials[static_cast<std::size_t>(c)] == material) return;
-    for (const VertexId v : std::span(block.cell(c), static_cast<std::size_t>(width))) used.mark(v);
+    for (const VertexId v : std::span(block.cell(c), static_cast<std::size_t>(width))) {
+      const std::atomic_ref mark(used[v]);
+      if (mark.load(std::memory_order_relaxed) == 0) mark.store(1, std::memory_order_relaxed);
+    }
   });
 }
 
 /// Takes the points that are not used out of a mesh. \return the new number of each point, nothing if all are used
 template <int Dim>
-RawVector<VertexId> remove_points(Mesh<Dim>& mesh, const Marks& used, const Execution& execution) {
+RawVector<VertexId> remove_points(Mesh<Dim>& mesh, const std::vector<std::uint8_t>& used, const Execution& execution) {
   const std::int64_t n = std::ssize(mesh.points);
   const auto points = mesh.points.begin();
   RawVector<VertexId> number(mesh.points.size());
   const std::int64_t kept = keep_in_place(
-      n, execution, [&](std::int64_t v) { return used[static_cast<std::size_t>(v)]; },
+      n, execution, [&](std::int64_t v) { return used[static_cast<std::size_t>(v)] != 0; },
       [&](std::int64_t from, std::int64_t to) {
         points[to] = points[from];
         number[static_cast<std::size_t>(from)] = static_cast<VertexId>(to);
@@ -96,7 +100,7 @@ void drop_cells(Mesh<Dim>& mesh, MaterialId material, const Execution& execution
 
 template <int Dim>
 void drop_unused_points(Mesh<Dim>& mesh, const Execution& execution) {
-  Marks used(mesh.points.size());
+  std::vector<std::uint8_t> used(mesh.points.size());
   for (const CellBlock& block : mesh.blocks) mark_used(block, kOutside, used, execution);
   const RawVector<VertexId> number = remove_points(mesh, used, execution);
   if (number.empty()) return;
@@ -111,7 +115,7 @@ void drop_unused_points(Mesh<Dim>& mesh, const Execution& execution) {
 template <int Dim>
 void drop_material(Mesh<Dim>& mesh, MaterialId material, Execution& execution) {
   const Execution::Stage stage(execution, "drop background");
-  Marks used(mesh.points.size());
+  std::vector<std::uint8_t> used(mesh.points.size());
   for (const CellBlock& block : mesh.blocks) mark_used(block, material, used, execution);
   const RawVector<VertexId> number = remove_points(mesh, used, execution);
   for (CellBlock& block : mesh.blocks)
