@@ -41,9 +41,9 @@ struct CutReport {
 };
 
 /// Cuts a lattice. The mesh has the materials `labels` of the image, every interface is a union of facets, and its hull
-/// is the lattice's box. But for what is left out. Cells far from interfaces come first, then all others. \param
-/// image_labels the image's value of each material, copied into the mesh. \pre options.quality_floor is at most the
-/// bound of the lattice's undisplaced stencils.
+/// is the lattice's box, but for what is left out. Cells far from interfaces come first, then all others.
+/// \param image_labels the image's value of each material, copied into the mesh. \pre options.quality_floor is at most
+/// the bound of the lattice's undisplaced stencils.
 template <int Dim>
 Mesh<Dim> cut_lattice(const SimplexLattice<Dim>& lattice, const Field<Dim>& field,
                       const std::vector<std::int32_t>& image_labels, const CutOptions& options, CutReport& report,
