@@ -6,7 +6,7 @@ namespace treemarch {
 
 template <int Dim>
 UniformBlocks<Dim>::UniformBlocks(const LabelImage<Dim>& image, const Execution& execution) : voxels_(image.extent) {
-  for (int d = 0; d < Dim; ++d) extent_[d] = (image.extent[d] + kSide - 1) >> kShift;
+  extent_ = blocks_around(VoxelBox<Dim>{{}, image.extent}).end;
   material_.assign(static_cast<std::size_t>(product(extent_)), kMixed);
   image.voxels.visit([&](const auto* voxels) { find(image, voxels, execution); });
 }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -70,6 +71,26 @@ inline std::pair<std::int32_t, std::int32_t> whole_between(double low, double hi
   const auto begin = static_cast<std::int32_t>(from);
   const std::int32_t end = high < 0 ? 0 : static_cast<std::int32_t>(std::min(high, limit - 1.0)) + 1;
   return {begin + (begin < from ? 1 : 0), end};
+}
+
+/// The voxels whose centres lie between two corners of the inner frame or up to `slack` voxels beyond, in an image of
+/// so many voxels.
+template <int Dim>
+VoxelBox<Dim> centres_between(const Vec<Dim>& low, const Vec<Dim>& high, const Vec<Dim>& voxels_per_length,
+                              const Coord<Dim>& voxels, double slack) {
+  VoxelBox<Dim> box;
+  for (int d = 0; d < Dim; ++d)
+    std::tie(box.begin[d], box.end[d]) = whole_between(low[d] * voxels_per_length[d] - 0.5 - slack,
+                                                       high[d] * voxels_per_length[d] - 0.5 + slack, voxels[d]);
+  return box;
+}
+
+/// The blocks that a box of voxels, which is not empty, overlaps.
+template <int Dim>
+VoxelBox<Dim> blocks_around(const VoxelBox<Dim>& box) {
+  VoxelBox<Dim> blocks{UniformBlocks<Dim>::block_of(box.begin), {}};
+  for (int d = 0; d < Dim; ++d) blocks.end[d] = ((box.end[d] - 1) >> UniformBlocks<Dim>::kShift) + 1;
+  return blocks;
 }
 
 /// The voxels of a block, in an image of so many voxels.

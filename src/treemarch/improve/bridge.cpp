@@ -17,9 +17,6 @@
 namespace treemarch {
 namespace {
 
-constexpr std::int64_t kCellsPerGroup = 512;
-constexpr std::int64_t kGroupsPerTask = 16;
-
 template <class T>
 std::vector<T> join(const std::vector<std::vector<T>>& parts) {
   std::vector<T> all;

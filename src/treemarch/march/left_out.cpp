@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "treemarch/core/parallel.h"
+#include "treemarch/march/band.h"
 
 namespace treemarch {
 
@@ -10,16 +11,15 @@ namespace treemarch {
 template <int Dim>
 template <class Concerns, class Wanted>
 void LeftOutCells<Dim>::append(Mesh<Dim>& mesh, Concerns&& concerns, Wanted&& wanted, const Execution& execution) {
-  constexpr std::int64_t kLeavesPerTask = 2048;
   struct Found {
     std::int64_t key;
     Simplex simplex;
   };
   const std::int64_t leaves = std::ssize(lattice_.leaves);
-  std::vector<std::vector<Found>> found(static_cast<std::size_t>(block_count(leaves, kLeavesPerTask)));
+  std::vector<std::vector<Found>> found(static_cast<std::size_t>(block_count(leaves, kLeavesPerBlock)));
   parallel_for(execution, std::ssize(found), 1, [&](std::int64_t task) {
     std::array<Simplex, LeafStar<Dim>::kMostSimplices> listed;
-    for (std::int64_t leaf = task * kLeavesPerTask; leaf < std::min(leaves, (task + 1) * kLeavesPerTask); ++leaf) {
+    for (std::int64_t leaf = task * kLeavesPerBlock; leaf < std::min(leaves, (task + 1) * kLeavesPerBlock); ++leaf) {
       if (!places_.leaves[static_cast<std::size_t>(leaf)]) continue;
       const LeafStar<Dim> star = lattice_.star(static_cast<LeafId>(leaf));
       if (!concerns(star)) continue;

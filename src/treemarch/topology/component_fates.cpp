@@ -14,8 +14,6 @@
 namespace treemarch {
 namespace {
 
-constexpr std::int64_t kCellsPerGroup = 512;
-constexpr std::int64_t kGroupsPerTask = 16;
 constexpr std::int64_t kGlance = 16;  // every so manieth group of cells
 
 /// Fates while they are found by several threads.
@@ -33,16 +31,14 @@ class Fates {
         to_image_(to_image),
         execution_(execution),
         centres_(image),
-        several_(image.labels.size(), 0),
         missing_(image.labels.size(), 0) {
     fates_.of.resize(map.components.size());
     fates_.in_main.resize(map.components.size());
     for (const ImageComponent& c : map.components) ++missing_[c.material];
     const std::vector<std::int64_t> parts = components.count(execution);
     for (std::size_t m = 0; m < parts.size(); ++m) {
-      if (to_image[m] == kOutside || parts[m] < 2) continue;
-      several_[to_image[m]] = 1;
-      missing_[to_image[m]] = -1;  // it may yet split: its cells are all looked at
+      // It may yet split: its cells are all looked at.
+      if (to_image[m] != kOutside && parts[m] > 1) missing_[to_image[m]] = kMaySplit;
     }
   }
 
@@ -57,6 +53,7 @@ class Fates {
   }
 
  private:
+  static constexpr std::int64_t kMaySplit = -1;
   /// A cell with what is looked up when it is needed.
   struct Cell {
     const MeshComponents<Dim>& components;
@@ -84,7 +81,7 @@ class Fates {
   void for_open_cells(std::size_t b, std::int64_t begin, std::int64_t end, Visit&& visit) {
     for (std::int64_t c = begin; c < end; ++c) {
       const MaterialId material = to_image_[mesh_.blocks[b].materials[static_cast<std::size_t>(c)]];
-      if (material == kOutside || std::atomic_ref(missing_[material]).load(std::memory_order_relaxed) == 0) continue;
+      if (material == kOutside || missing(material) == 0) continue;
       Cell cell{components_, b, c, material};
       visit(cell);
     }
@@ -103,6 +100,9 @@ class Fates {
           [&](std::int64_t v) { return image_.voxels[v] == cell.material && !covers(map_.of(v), cell); },
           [&](std::int64_t v) { widen(map_.of(v), cell); });
     });
+  }
+  [[nodiscard]] std::int64_t missing(MaterialId material) {
+    return std::atomic_ref(missing_[material]).load(std::memory_order_relaxed);
   }
   [[nodiscard]] bool is_in_main(Cell& cell) const { return cell.component() == fates_.main[cell.material]; }
   /// Whether nothing is new if a component of the image has voxels in a cell.
@@ -123,8 +123,8 @@ class Fates {
     while (component > now && !last.compare_exchange_weak(now, component, std::memory_order_relaxed)) {
     }
     if (is_in_main(cell)) std::atomic_ref(fates_.in_main[c]).store(1, std::memory_order_relaxed);
-    const std::atomic_ref<std::int64_t> missing(missing_[cell.material]);
-    if (is_first && missing.load(std::memory_order_relaxed) > 0) missing.fetch_sub(1, std::memory_order_relaxed);
+    if (is_first && missing(cell.material) > 0)
+      std::atomic_ref(missing_[cell.material]).fetch_sub(1, std::memory_order_relaxed);
   }
 
   const LabelImage<Dim>& image_;
@@ -136,8 +136,7 @@ class Fates {
   const Execution& execution_;
   const VoxelCentres<Dim> centres_;
   ComponentFates fates_;
-  std::vector<std::uint8_t> several_;  // of each material: whether it is several components of the mesh
-  std::vector<std::int64_t> missing_;  // of each material: components without a fate, or -1: not counted
+  std::vector<std::int64_t> missing_;  // of each material: components without a fate, or kMaySplit
 };
 
 /// Counts the components of some cells.
@@ -207,7 +206,7 @@ void Fates<Dim>::look_closely() {
           if (has_undecided[cell.material] == 0) return;
           if (!touched) touched = blocks.touch(mesh_, mesh_.blocks[b], begin, end);
           if (!*touched) return;
-        } else if (several_[cell.material] != 0) {
+        } else if (missing(cell.material) == kMaySplit) {
           elsewhere[i].push_back({static_cast<std::uint8_t>(b), cell.cell});
         }
         visit(cell, [&](std::int64_t at) {

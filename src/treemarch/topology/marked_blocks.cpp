@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <tuple>
 
 #include "treemarch/core/parallel.h"
 #include "treemarch/image/uniform_blocks.h"
@@ -15,7 +14,7 @@ MarkedBlocks<Dim>::MarkedBlocks(const LabelImage<Dim>& image, const ComponentMap
     : image_(image) {
   constexpr std::int64_t kRowsPerTask = 256;
   constexpr int kShift = UniformBlocks<Dim>::kShift;
-  for (int d = 0; d < Dim; ++d) extent_[d] = ((image.extent[d] - 1) >> kShift) + 1;
+  extent_ = blocks_around(VoxelBox<Dim>{{}, image.extent}).end;
   marks_.assign(static_cast<std::size_t>(product(extent_)), 0);
   if (std::ranges::count(wanted, 0) == std::ssize(wanted)) return;
   parallel_for(execution, std::ssize(map.row_begin) - 1, kRowsPerTask, [&](std::int64_t row) {
@@ -41,18 +40,14 @@ bool MarkedBlocks<Dim>::touch(const Mesh<Dim>& mesh, const CellBlock& cells, std
       low[d] = std::min(low[d], mesh.points[v][d]);
       high[d] = std::max(high[d], mesh.points[v][d]);
     }
-  VoxelBox<Dim> box;  // of blocks
-  for (int d = 0; d < Dim; ++d) {
-    const double per_length = 1 / image_.frame.spacing[d];
-    std::tie(box.begin[d], box.end[d]) =
-        whole_between(low[d] * per_length - 0.5 - kSlack, high[d] * per_length - 0.5 + kSlack, image_.extent[d]);
-    if (box.begin[d] >= box.end[d]) return false;
-    box.begin[d] >>= UniformBlocks<Dim>::kShift;
-    box.end[d] = ((box.end[d] - 1) >> UniformBlocks<Dim>::kShift) + 1;
-  }
+  Vec<Dim> per_length;  // voxels
+  for (int d = 0; d < Dim; ++d) per_length[d] = 1 / image_.frame.spacing[d];
+  const VoxelBox<Dim> box = centres_between(low, high, per_length, image_.extent, kSlack);
+  if (box.is_empty()) return false;
+  const VoxelBox<Dim> blocks = blocks_around(box);
   bool any = false;
-  for_each_row(box, extent_, [&](const Coord<Dim>&, std::int64_t at) {
-    any = any || std::ranges::any_of(std::span(marks_).subspan(at, box.end[0] - box.begin[0]),
+  for_each_row(blocks, extent_, [&](const Coord<Dim>&, std::int64_t at) {
+    any = any || std::ranges::any_of(std::span(marks_).subspan(at, blocks.end[0] - blocks.begin[0]),
                                      [](std::uint8_t mark) { return mark != 0; });
   });
   return any;

@@ -13,6 +13,10 @@
 
 namespace treemarch {
 
+/// Cells are passed over in groups of so many: they lie near each other.
+inline constexpr std::int64_t kCellsPerGroup = 512;
+inline constexpr std::int64_t kGroupsPerTask = 16;
+
 /// The blocks of an image (image/uniform_blocks.h) that hold voxels of some of its components: where these are few,
 /// they tell what need not be looked at.
 template <int Dim>

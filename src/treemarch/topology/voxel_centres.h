@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
-#include <tuple>
 
 #include "treemarch/image/label_image.h"
 #include "treemarch/image/uniform_blocks.h"
@@ -44,8 +43,7 @@ class VoxelCentres {
     const VoxelBox<Dim> box = box_of(simplex);
     if (box.is_empty()) return;
     Inside inside(image_, simplex, box);
-    VoxelBox<Dim> around{UniformBlocks<Dim>::block_of(box.begin), {}};
-    for (int d = 0; d < Dim; ++d) around.end[d] = ((box.end[d] - 1) >> UniformBlocks<Dim>::kShift) + 1;
+    const VoxelBox<Dim> around = blocks_around(box);
     for_each_row(around, blocks, [&](Coord<Dim> block, std::int64_t at) {
       for (; block[0] < around.end[0]; ++block[0], ++at) {
         const Look how = look(at);
@@ -163,17 +161,13 @@ class VoxelCentres {
   /// Voxels whose centres lie between the planes around a simplex, within the image.
   [[nodiscard]] VoxelBox<Dim> box_of(const Simplex<Dim>& simplex) const {
     constexpr double kSlack = 1e-9;
-    VoxelBox<Dim> box;
-    for (int d = 0; d < Dim; ++d) {
-      double low = simplex[0][d], high = low;
-      for (const Vec<Dim>& p : simplex) {
-        low = std::min(low, p[d]);
-        high = std::max(high, p[d]);
+    Vec<Dim> low = simplex[0], high = low;
+    for (const Vec<Dim>& p : simplex)
+      for (int d = 0; d < Dim; ++d) {
+        low[d] = std::min(low[d], p[d]);
+        high[d] = std::max(high[d], p[d]);
       }
-      std::tie(box.begin[d], box.end[d]) = whole_between(low * voxels_per_length_[d] - 0.5 - kSlack,
-                                                         high * voxels_per_length_[d] - 0.5 + kSlack, image_.extent[d]);
-    }
-    return box;
+    return centres_between(low, high, voxels_per_length_, image_.extent, kSlack);
   }
 
   const LabelImage<Dim>& image_;
