@@ -1,9 +1,6 @@
 #include "treemarch/march/band.h"
 
 #include <algorithm>
-#include <limits>
-
-#include "treemarch/core/error.h"
 
 namespace treemarch {
 
@@ -17,7 +14,7 @@ Band<Dim>::Band(const SimplexLattice<Dim>& lattice, const VertexLabels& labels, 
       leaves_far_(lattice.leaves.size()),
       leaves_left_out_(lattice.leaves.size()) {
   const auto blocks = static_cast<std::int64_t>(first_far_.size());
-  std::vector<Part> parts(blocks);
+  parts_.resize(blocks);
   std::vector<std::int64_t> left_out_in(blocks);
   parallel_for_ranges(execution, blocks, 1, [&](std::int64_t begin, std::int64_t end) {
     Part found;
@@ -32,13 +29,17 @@ Band<Dim>::Band(const SimplexLattice<Dim>& lattice, const VertexLabels& labels, 
             (material == left_out_ ? leaves_left_out_ : leaves_far_).mark(leaf);
             ++(material == left_out_ ? left_out_in[b] : far);
           });
-      parts[b] = found;
+      parts_[b] = found;
       first_far_[b] = far;
     }
   });
   far_count_ = exclusive_scan(std::span(first_far_));
   left_out_count_ = exclusive_scan(std::span(left_out_in));
-  join(parts, execution);
+  first_.reserve(parts_.size() + 1);
+  for (const Part& part : parts_) first_.push_back(std::ssize(part.simplices));
+  first_.push_back(0);
+  exclusive_scan(std::span(first_));
+  list_triangles(execution);
 }
 
 template <int Dim>
@@ -63,23 +64,13 @@ void Band<Dim>::find_cuts(const Simplex& simplex, Part& part) const {
   }
 }
 
+/// Each once, from the blocks, whose own lists are freed.
 template <int Dim>
-void Band<Dim>::join(std::vector<Part>& parts, Execution& execution) {
-  std::vector<std::int64_t> first;
-  for (const Part& part : parts) {
-    first.push_back(static_cast<std::int64_t>(part.simplices.size()));
+void Band<Dim>::list_triangles(Execution& execution) {
+  for (Part& part : parts_) {
     triangles_.insert(triangles_.end(), part.triangles.begin(), part.triangles.end());
+    part.triangles = {};
   }
-  const std::int64_t count = exclusive_scan(std::span(first));
-  if (count >= static_cast<std::int64_t>(std::numeric_limits<std::uint32_t>::max()))
-    throw Error(ErrorKind::limits, "--min-size: 2^32 or more lattice simplices near interfaces; choose larger cells");
-  simplices_.resize(count);
-  cuts_.resize(count);
-  parallel_for(execution, static_cast<std::int64_t>(parts.size()), 1, [&](std::int64_t b) {
-    std::copy(parts[b].simplices.begin(), parts[b].simplices.end(), simplices_.begin() + first[b]);
-    std::copy(parts[b].cuts.begin(), parts[b].cuts.end(), cuts_.begin() + first[b]);
-    parts[b] = {};
-  });
   parallel_sort(execution, triangles_);
   triangles_.erase(std::unique(triangles_.begin(), triangles_.end()), triangles_.end());
 }

@@ -9,7 +9,6 @@
 
 #include "treemarch/core/execution.h"
 #include "treemarch/core/parallel.h"
-#include "treemarch/core/raw_vector.h"
 #include "treemarch/march/label_sets.h"
 #include "treemarch/march/stencil.h"
 #include "treemarch/mesh/marks.h"
@@ -30,13 +29,16 @@ class Band {
   using Triangle = std::array<VertexId, 3>;  // ascending
 
   /// \param left_out the material whose far simplices do not count, or kOutside
-  /// \throw Error(limits) if the band has 2^32 simplices or more.
   Band(const SimplexLattice<Dim>& lattice, const VertexLabels& labels, MaterialId left_out, Execution& execution);
 
-  /// In the order of the leaves.
-  [[nodiscard]] const RawVector<Simplex>& simplices() const { return simplices_; }
-  /// Of each simplex: bit e is set where edge e joins vertices without a common label and is cut.
-  [[nodiscard]] const RawVector<std::uint8_t>& cuts() const { return cuts_; }
+  /// They come in blocks, one for each block of leaves, in the order of the leaves.
+  [[nodiscard]] std::int64_t blocks() const { return std::ssize(parts_); }
+  [[nodiscard]] std::span<const Simplex> simplices(std::int64_t block) const { return parts_[block].simplices; }
+  /// Of each simplex of a block: bit e is set where edge e joins vertices without a common label and is cut.
+  [[nodiscard]] std::span<const std::uint8_t> cuts(std::int64_t block) const { return parts_[block].cuts; }
+  /// Simplices before a block. \pre 0 <= block <= blocks()
+  [[nodiscard]] std::int64_t first(std::int64_t block) const { return first_[block]; }
+  [[nodiscard]] std::int64_t size() const { return first_.back(); }
   /// Triangles with three cuts, ascending.
   [[nodiscard]] const std::vector<Triangle>& triangles() const { return triangles_; }
   [[nodiscard]] std::int64_t far_count() const { return far_count_; }
@@ -66,7 +68,7 @@ class Band {
   };
 
   void find_cuts(const Simplex& simplex, Part& part) const;
-  void join(std::vector<Part>& parts, Execution& execution);
+  void list_triangles(Execution& execution);
   /// Calls near(simplex) or far(leaf, simplex, material) for those of a block of leaves for which wanted(leaf) is true.
   template <class Wanted, class Near, class Far>
   void sort_block(std::int64_t block, Wanted&& wanted, Near&& near, Far&& far) const {
@@ -91,8 +93,8 @@ class Band {
   const SimplexLattice<Dim>& lattice_;
   const VertexLabels& labels_;
   const MaterialId left_out_;
-  RawVector<Simplex> simplices_;
-  RawVector<std::uint8_t> cuts_;
+  std::vector<Part> parts_;          // one a block of leaves
+  std::vector<std::int64_t> first_;  // simplices before each of them, and all
   std::vector<Triangle> triangles_;
   std::vector<std::int64_t> first_far_;  // far simplices before each block of leaves
   std::int64_t far_count_ = 0, left_out_count_ = 0;

@@ -31,7 +31,7 @@ Mesh<Dim> cut_lattice(const SimplexLattice<Dim>& lattice, const Field<Dim>& fiel
     if (single && snapped.labels.of(v)[0] == options.left_out) report.left_out.vertices.mark(v);
   });
   report.lattice_vertices = static_cast<std::int64_t>(lattice.vertices.size());
-  report.band_simplices = static_cast<std::int64_t>(band.simplices().size());
+  report.band_simplices = band.size();
   report.far_cells = band.far_count();
   report.lattice_simplices = report.band_simplices + report.far_cells + band.left_out_count();
   report.cut_edges = emitted.cut_edges;

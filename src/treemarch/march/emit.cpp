@@ -12,7 +12,7 @@
 namespace treemarch {
 namespace {
 
-constexpr std::int64_t kBlock = 4096;
+constexpr std::int64_t kBlock = 4096;  // points
 
 /// The labels that the vertices share, or kOutside if that is not exactly one.
 MaterialId only_shared_label(const VertexLabels& labels, std::span<const VertexId> vertices) {
@@ -58,8 +58,7 @@ class Emitter {
         geometry_(geometry),
         field_(field),
         execution_(execution),
-        blocks_(block_count(static_cast<std::int64_t>(band.simplices().size()), kBlock)),
-        first_(blocks_) {}
+        first_(band.blocks()) {}
 
   EmitReport run(Mesh<Dim>& mesh) {
     count();
@@ -78,13 +77,6 @@ class Emitter {
       return *this;
     }
   };
-  template <class F>
-  void for_blocks(F&& f) const {
-    parallel_for(execution_, blocks_, 1, [&](std::int64_t block) {
-      const auto n = static_cast<std::int64_t>(band_.simplices().size());
-      f(block, block * kBlock, std::min(n, (block + 1) * kBlock));
-    });
-  }
   [[nodiscard]] static bool has_inner_point(SplitRecord split) {
     if constexpr (Dim == 2)
       return false;
@@ -105,8 +97,7 @@ class Emitter {
   const CutGeometry<Dim>& geometry_;
   const Field<Dim>& field_;
   Execution& execution_;
-  std::int64_t blocks_;
-  std::vector<Counts> first_;  // per block
+  std::vector<Counts> first_;  // per block of the band
   std::int64_t pieces_ = 0, inner_ = 0;
   // Points are numbered: lattice vertices, cuts, triple points, inner points.
   std::int64_t first_cut_ = 0, first_triple_ = 0, first_inner_ = 0;
@@ -115,9 +106,8 @@ class Emitter {
 
 template <int Dim>
 void Emitter<Dim>::count() {
-  for_blocks([&](std::int64_t block, std::int64_t begin, std::int64_t end) {
-    for (std::int64_t i = begin; i < end; ++i) {
-      const SplitRecord split = geometry_.split(i);
+  parallel_for(execution_, band_.blocks(), 1, [&](std::int64_t block) {
+    for (const SplitRecord split : geometry_.splits(block)) {
       first_[block].pieces +=
           split.pattern == 0 ? 1 : static_cast<std::int64_t>(stencil<Dim>(split.pattern).choices[split.choice].size());
       first_[block].inner += has_inner_point(split);
@@ -196,18 +186,19 @@ void Emitter<Dim>::write(Mesh<Dim>& mesh) const {
     std::ranges::copy(simplex, cells.vertices.begin() + i * (Dim + 1));
     cells.materials[i] = material;
   });
-  for_blocks([&](std::int64_t block, std::int64_t begin, std::int64_t end) {
+  parallel_for(execution_, band_.blocks(), 1, [&](std::int64_t block) {
     std::int64_t next = far + first_[block].pieces, inner = first_inner_ + first_[block].inner;
-    for (std::int64_t i = begin; i < end; ++i) {
-      const Simplex& simplex = band_.simplices()[i];
-      const SplitRecord split = geometry_.split(i);
+    const auto simplices = band_.simplices(block);
+    for (std::size_t i = 0; i < simplices.size(); ++i) {
+      const Simplex& simplex = simplices[i];
+      const SplitRecord split = geometry_.splits(block)[i];
       Local local;
       if (split.pattern == 0) {
         std::ranges::copy(simplex, cells.vertices.begin() + next * (Dim + 1));
         cells.materials[next++] = material_of(std::span(kWhole).first(Dim + 1), simplex, local);
         continue;
       }
-      geometry_.find_cuts(i, local);
+      geometry_.find_cuts(simplex, band_.cuts(block)[i], local);
       const auto number = numbers_of(simplex, local, inner);
       if (has_inner_point(split)) {
         geometry_.place(simplex, local);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <ranges>
 #include <stdexcept>
 #include <tuple>
 
@@ -11,7 +12,6 @@
 namespace treemarch {
 namespace {
 
-constexpr std::int64_t kBlock = 4096;
 constexpr std::array<double, 5> kFactor = {1, 0.7, 0.45, 0.2, 0};
 constexpr double kLeastBarycentric = 0.15;
 // A level whose high bit is set is to rise after the round.
@@ -72,9 +72,8 @@ std::int64_t CutGeometry<Dim>::find_triple(Triangle triangle) const {
 }
 
 template <int Dim>
-void CutGeometry<Dim>::find_cuts(std::int64_t i, Local& local) const {
-  const Simplex& simplex = band_.simplices()[i];
-  local.cuts = band_.cuts()[i];
+void CutGeometry<Dim>::find_cuts(const Simplex& simplex, unsigned cuts, Local& local) const {
+  local.cuts = cuts;
   for (int e = 0; e < T::kEdges; ++e)
     if (local.cuts >> e & 1) local.edge[e] = snapped_.edges.find(simplex[T::kEdge[e][0]], simplex[T::kEdge[e][1]]);
   for (int f = 0; f < T::kFaces; ++f) {
@@ -134,10 +133,10 @@ StencilChoice CutGeometry<Dim>::choose(const Local& local, unsigned pattern, boo
 
 template <int Dim>
 template <class F>
-void CutGeometry<Dim>::for_levels(std::int64_t i, F&& f) {
+void CutGeometry<Dim>::for_levels(const Simplex& simplex, unsigned cuts, F&& f) {
   Local local;
-  find_cuts(i, local);
-  for (const VertexId v : band_.simplices()[i]) f(vertex_level_[v]);
+  find_cuts(simplex, cuts, local);
+  for (const VertexId v : simplex) f(vertex_level_[v]);
   for (int e = 0; e < T::kEdges; ++e)
     if (local.cuts >> e & 1) f(cut_level_[local.edge[e]]);
   for (int t = 0; t < T::kFaces; ++t)
@@ -145,21 +144,55 @@ void CutGeometry<Dim>::for_levels(std::int64_t i, F&& f) {
 }
 
 template <int Dim>
-bool CutGeometry<Dim>::settle(std::int64_t i, bool inner) {
-  const Simplex& simplex = band_.simplices()[i];
-  if (band_.cuts()[i] == 0) {
+bool CutGeometry<Dim>::settle(const Simplex& simplex, unsigned cuts, bool inner, SplitRecord& split) const {
+  if (cuts == 0) {
     std::array<Vec<Dim>, Dim + 1> p;
     for (int k = 0; k <= Dim; ++k) p[k] = vertex_point(simplex[k]);
     return meets(p, sure_) || meets(angle_range<Dim>(p), floor_);
   }
   Local local;
-  find_cuts(i, local);
+  find_cuts(simplex, cuts, local);
   place(simplex, local);
   const unsigned pattern = pattern_of(simplex, local);
   const StencilChoice best = choose(local, pattern, inner);
-  split_[i].pattern = pattern & 0x3ffU;
-  split_[i].choice = static_cast<unsigned>(best.choice) & 0x3fU;
+  split.pattern = pattern & 0x3ffU;
+  split.choice = static_cast<unsigned>(best.choice) & 0x3fU;
   return meets(best.angles, floor_);
+}
+
+template <int Dim>
+template <class Chosen>
+std::vector<std::uint32_t> CutGeometry<Dim>::settle_block(std::int64_t block, Chosen&& chosen, bool inner) {
+  std::vector<std::uint32_t> failed;
+  const auto simplices = band_.simplices(block);
+  const auto cuts = band_.cuts(block);
+  for (const std::uint32_t i : chosen) {
+    if (settle(simplices[i], cuts[i], inner, split_[band_.first(block) + i])) continue;
+    failed.push_back(i);
+    for_levels(simplices[i], cuts[i],
+               [](std::uint8_t& level) { std::atomic_ref(level).fetch_or(kRise, std::memory_order_relaxed); });
+  }
+  return failed;
+}
+
+template <int Dim>
+Marks CutGeometry<Dim>::raise(const std::vector<std::vector<std::uint32_t>>& failed, Execution& execution) {
+  const auto rise = [](std::uint8_t& level) {
+    const std::atomic_ref place(level);
+    std::uint8_t now = place.load(std::memory_order_relaxed);
+    const auto next = [&] { return static_cast<std::uint8_t>(std::min<int>((now & ~kRise) + 1, kLevels - 1)); };
+    while ((now & kRise) != 0 && !place.compare_exchange_weak(now, next(), std::memory_order_relaxed)) {
+    }
+  };
+  Marks vertices(vertex_level_.size());
+  parallel_for(execution, std::ssize(failed), 1, [&](std::int64_t block) {
+    for (const std::uint32_t i : failed[block]) {
+      const Simplex& simplex = band_.simplices(block)[i];
+      for_levels(simplex, band_.cuts(block)[i], rise);
+      for (const VertexId v : simplex) vertices.mark(v);
+    }
+  });
+  return vertices;
 }
 
 template <int Dim>
@@ -169,49 +202,24 @@ void CutGeometry<Dim>::retreat(double quality_floor, Execution& execution) {
   constexpr double kSure = 1e-6;     // degrees above the floor, more than rounding can make
   floor_ = QualityBound(quality_floor);
   sure_ = SquaredQualityBound(QualityBound(quality_floor + kSure));
-  const auto n = static_cast<std::int64_t>(band_.simplices().size());
-  split_.assign(n, {});
-  // Simplices that may fail: in the first round all that are touched, then those around points that retreated.
-  std::vector<std::vector<std::int64_t>> pending(block_count(n, kBlock));
-  const auto blocks = static_cast<std::int64_t>(pending.size());
-  std::vector<std::uint8_t> vertex_rose;
-  for (rounds = 0;; ++rounds) {
-    std::atomic<bool> failed = false;
-    parallel_for(execution, blocks, 1, [&](std::int64_t block) {
-      const auto settle_or_mark = [&](std::int64_t i) {
-        if (settle(i, rounds >= kWithoutInner)) return;
-        failed.store(true, std::memory_order_relaxed);
-        for_levels(i, [](std::uint8_t& level) {
-          std::atomic_ref<std::uint8_t>(level).fetch_or(kRise, std::memory_order_relaxed);
-        });
-      };
-      if (rounds == 0) {
-        for (std::int64_t i = block * kBlock; i < std::min(n, (block + 1) * kBlock); ++i) settle_or_mark(i);
-      } else {
-        for (const std::int64_t i : pending[block]) settle_or_mark(i);
-      }
-    });
-    if (!failed) break;
+  split_.assign(band_.size(), {});
+  std::vector<std::vector<std::uint32_t>> failed(band_.blocks());
+  parallel_for(execution, band_.blocks(), 1, [&](std::int64_t block) {
+    const auto n = static_cast<std::uint32_t>(band_.simplices(block).size());
+    failed[block] = settle_block(block, std::views::iota(std::uint32_t{0}, n), false);
+  });
+  for (rounds = 0; std::ranges::any_of(failed, [](const auto& some) { return !some.empty(); }); ++rounds) {
     if (rounds == kMostRounds)
       throw std::logic_error("the quality floor is above the bound of the lattice's undisplaced stencils");
-    vertex_rose.assign(vertex_level_.size(), 0);
-    const auto rise = [](std::uint8_t& level) {
-      if (!(level & kRise)) return false;
-      level = static_cast<std::uint8_t>(std::min<int>((level & ~kRise) + 1, kLevels - 1));
-      return true;
-    };
     // Every point of a simplex that can have changed is near a vertex of it that is marked: cuts and triple points rise
     // only together with all vertices of the failing simplex.
-    for (std::size_t v = 0; v < vertex_level_.size(); ++v) vertex_rose[v] = rise(vertex_level_[v]);
-    for (std::uint8_t& level : cut_level_) rise(level);
-    for (std::uint8_t& level : triple_level_) rise(level);
-    parallel_for(execution, blocks, 1, [&](std::int64_t block) {
-      pending[block].clear();
-      for (std::int64_t i = block * kBlock; i < std::min(n, (block + 1) * kBlock); ++i) {
-        bool near = false;
-        for (const VertexId v : band_.simplices()[i]) near |= vertex_rose[v] != 0;
-        if (near) pending[block].push_back(i);
-      }
+    const Marks rose = raise(failed, execution);
+    parallel_for(execution, band_.blocks(), 1, [&](std::int64_t block) {
+      const auto simplices = band_.simplices(block);
+      std::vector<std::uint32_t> near;
+      for (std::uint32_t i = 0; i < simplices.size(); ++i)
+        if (std::ranges::any_of(simplices[i], [&](VertexId v) { return rose[v]; })) near.push_back(i);
+      failed[block] = settle_block(block, near, rounds + 1 >= kWithoutInner);
     });
   }
   const auto count = [](const std::vector<std::uint8_t>& levels) {

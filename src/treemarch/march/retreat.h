@@ -11,6 +11,7 @@
 #include "treemarch/march/band.h"
 #include "treemarch/march/snap.h"
 #include "treemarch/march/stencil.h"
+#include "treemarch/mesh/marks.h"
 #include "treemarch/tessellate/body_centred.h"
 
 namespace treemarch {
@@ -42,8 +43,8 @@ class CutGeometry {
 
   CutGeometry(const SimplexLattice<Dim>& lattice, const Band<Dim>& band, const SnappedLattice<Dim>& snapped);
 
-  /// Finds the cuts and the triple points of a simplex of the band.
-  void find_cuts(std::int64_t simplex, Local& local) const;
+  /// Finds the cuts and the triple points of a simplex of the band. \param cuts which of its edges are cut
+  void find_cuts(const Simplex& simplex, unsigned cuts, Local& local) const;
   /// Finds where all its points are. \pre find_cuts(), unless nothing is cut.
   void place(const Simplex& simplex, Local& local) const;
 
@@ -54,8 +55,10 @@ class CutGeometry {
 
   /// Retreats until every stencil meets the floor. Levels only rise and the last level passes, so it ends.
   void retreat(double quality_floor, Execution& execution);
-  /// How each simplex of the band is split after retreat().
-  [[nodiscard]] SplitRecord split(std::int64_t simplex) const { return split_[simplex]; }
+  /// How the simplices of a block of the band are split after retreat().
+  [[nodiscard]] std::span<const SplitRecord> splits(std::int64_t block) const {
+    return std::span(split_).subspan(band_.first(block), band_.simplices(block).size());
+  }
 
   std::int64_t retreated = 0;  ///< points that are not where they were cut or snapped
   int rounds = 0;
@@ -67,17 +70,22 @@ class CutGeometry {
   /// The best way to split a simplex; the inner point is taken only where nothing else meets the floor.
   [[nodiscard]] StencilChoice choose(const Local& local, unsigned pattern, bool inner) const;
   /// Chooses how to split a simplex. \return whether the choice meets the floor.
-  bool settle(std::int64_t simplex, bool inner);
+  bool settle(const Simplex& simplex, unsigned cuts, bool inner, SplitRecord& split) const;
+  /// Settles simplices of a block. \return those that fail, whose points are marked to rise
+  template <class Chosen>
+  std::vector<std::uint32_t> settle_block(std::int64_t block, Chosen&& chosen, bool inner);
+  /// Raises the points of the simplices that failed, per block. \return all vertices of these
+  Marks raise(const std::vector<std::vector<std::uint32_t>>& failed, Execution& execution);
   [[nodiscard]] std::int64_t find_triple(Triangle triangle) const;
   /// Calls f(level) for each point of a stencil that can retreat.
   template <class F>
-  void for_levels(std::int64_t simplex, F&& f);
+  void for_levels(const Simplex& simplex, unsigned cuts, F&& f);
 
   const SimplexLattice<Dim>& lattice_;
   const Band<Dim>& band_;
   const SnappedLattice<Dim>& snapped_;
   std::vector<std::uint8_t> vertex_level_, cut_level_, triple_level_;
-  std::vector<SplitRecord> split_;
+  std::vector<SplitRecord> split_;  // of the simplices of the band, block after block
   QualityBound floor_{0}, enough_{30};
   SquaredQualityBound sure_{floor_};
 };
