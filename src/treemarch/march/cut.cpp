@@ -16,10 +16,10 @@ Mesh<Dim> cut_lattice(const SimplexLattice<Dim>& lattice, const Field<Dim>& fiel
       snap_vertices(lattice, classify_vertices(lattice, field, execution), field, options.snap, execution);
   execution.progress(0.4);
   const Band<Dim> band(lattice, snapped.labels, options.left_out, execution);
-  CutGeometry<Dim> geometry(lattice, band, snapped);
+  Mesh<Dim> mesh;
+  CutGeometry<Dim> geometry(lattice, band, snapped, mesh.points, execution);
   geometry.retreat(options.quality_floor, execution);
   execution.progress(0.8);
-  Mesh<Dim> mesh;
   mesh.labels = image_labels;
   const EmitReport emitted = emit_pieces(lattice, band, snapped, geometry, field, mesh, execution);
   report.at_interfaces.assign(mesh.points.size(), 1);

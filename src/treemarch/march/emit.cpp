@@ -131,12 +131,10 @@ void Emitter<Dim>::number_cuts() {
     throw Error(ErrorKind::limits, "--min-size: the mesh needs more than 2^32 vertices; choose larger cells");
 }
 
-/// All but the inner points.
+/// Cuts and triple points; the vertices have their places.
 template <int Dim>
 void Emitter<Dim>::place_points(Mesh<Dim>& mesh) const {
   mesh.points.resize(first_inner_ + inner_);
-  parallel_for(execution_, first_cut_, kBlock,
-               [&](std::int64_t v) { mesh.points[v] = geometry_.vertex_point(static_cast<VertexId>(v)); });
   parallel_for(execution_, static_cast<std::int64_t>(cut_number_.size()), kBlock, [&](std::int64_t e) {
     if (snapped_.cut[e] >= 0) mesh.points[cut_number_[e]] = geometry_.cut_point(static_cast<EdgeId>(e));
   });

@@ -12,6 +12,7 @@
 namespace treemarch {
 namespace {
 
+constexpr std::int64_t kPointsPerTask = 1 << 14;
 constexpr std::array<double, 5> kFactor = {1, 0.7, 0.45, 0.2, 0};
 constexpr double kLeastBarycentric = 0.15;
 // A level whose high bit is set is to rise after the round.
@@ -21,27 +22,34 @@ constexpr std::uint8_t kRise = 0x80;
 
 template <int Dim>
 CutGeometry<Dim>::CutGeometry(const SimplexLattice<Dim>& lattice, const Band<Dim>& band,
-                              const SnappedLattice<Dim>& snapped)
+                              const SnappedLattice<Dim>& snapped, Points<Dim>& points, Execution& execution)
     : lattice_(lattice),
       band_(band),
       snapped_(snapped),
+      points_(points),
       vertex_level_(lattice.vertices.size(), 0),
       cut_level_(snapped.edges.size(), 0),
-      triple_level_(band.triangles().size(), 0) {}
+      triple_level_(band.triangles().size(), 0) {
+  // With room for cuts and for triple points.
+  points_.reserve(vertex_level_.size() + cut_level_.size() + triple_level_.size());
+  points_.resize(vertex_level_.size());
+  parallel_for(execution, std::ssize(points_), kPointsPerTask,
+               [&](std::int64_t v) { place_vertex(static_cast<VertexId>(v)); });
+}
 
 template <int Dim>
-Vec<Dim> CutGeometry<Dim>::vertex_point(VertexId v) const {
-  const std::uint8_t level = vertex_level_[v] & ~kRise;
+void CutGeometry<Dim>::place_vertex(VertexId v) {
   const Vec<Dim> at = snapped_.point(lattice_, v);
-  if (level == 0) return at;
+  points_[v] = at;
+  if (vertex_level_[v] == 0) return;
   const Vec<Dim> home = lattice_.point(v);
-  return home + kFactor[level] * (at - home);
+  points_[v] = home + kFactor[vertex_level_[v]] * (at - home);
 }
 
 template <int Dim>
 Vec<Dim> CutGeometry<Dim>::cut_point(EdgeId e) const {
   const double t = 0.5 + kFactor[cut_level_[e] & ~kRise] * (snapped_.cut[e] - 0.5);
-  const Vec<Dim> a = vertex_point(snapped_.edges.lower_vertex(e)), b = vertex_point(snapped_.edges.upper_vertex(e));
+  const Vec<Dim> a = points_[snapped_.edges.lower_vertex(e)], b = points_[snapped_.edges.upper_vertex(e)];
   return a + t * (b - a);
 }
 
@@ -60,7 +68,7 @@ Vec<Dim> CutGeometry<Dim>::triple_point(std::int64_t i) const {
   for (double& w : weight) sum += w = std::max(w, kLeastBarycentric);
   const double factor = kFactor[triple_level_[i] & ~kRise];
   Vec<Dim> x{};
-  for (int k = 0; k < 3; ++k) x = x + (1.0 / 3 + factor * (weight[k] / sum - 1.0 / 3)) * vertex_point(v[k]);
+  for (int k = 0; k < 3; ++k) x = x + (1.0 / 3 + factor * (weight[k] / sum - 1.0 / 3)) * points_[v[k]];
   return x;
 }
 
@@ -88,7 +96,7 @@ void CutGeometry<Dim>::find_cuts(const Simplex& simplex, unsigned cuts, Local& l
 template <int Dim>
 void CutGeometry<Dim>::place(const Simplex& simplex, Local& local) const {
   local.placed = true;
-  for (int k = 0; k <= Dim; ++k) local.point[k] = vertex_point(simplex[k]);
+  for (int k = 0; k <= Dim; ++k) local.point[k] = points_[simplex[k]];
   if (local.cuts == 0) return;
   for (int e = 0; e < T::kEdges; ++e)
     if (local.cuts >> e & 1) local.point[T::kCut + e] = cut_point(local.edge[e]);
@@ -147,7 +155,7 @@ template <int Dim>
 bool CutGeometry<Dim>::settle(const Simplex& simplex, unsigned cuts, bool inner, SplitRecord& split) const {
   if (cuts == 0) {
     std::array<Vec<Dim>, Dim + 1> p;
-    for (int k = 0; k <= Dim; ++k) p[k] = vertex_point(simplex[k]);
+    for (int k = 0; k <= Dim; ++k) p[k] = points_[simplex[k]];
     return meets(p, sure_) || meets(angle_range<Dim>(p), floor_);
   }
   Local local;
@@ -192,6 +200,8 @@ Marks CutGeometry<Dim>::raise(const std::vector<std::vector<std::uint32_t>>& fai
       for (const VertexId v : simplex) vertices.mark(v);
     }
   });
+  const std::vector<VertexId> raised = vertices.vertices();
+  parallel_for(execution, std::ssize(raised), kPointsPerTask, [&](std::int64_t i) { place_vertex(raised[i]); });
   return vertices;
 }
 

@@ -41,14 +41,15 @@ class CutGeometry {
     std::array<Vec<Dim>, T::kPoints> point;  ///< once placed
   };
 
-  CutGeometry(const SimplexLattice<Dim>& lattice, const Band<Dim>& band, const SnappedLattice<Dim>& snapped);
+  /// \param points becomes where the vertices of the lattice are, kept up to date; others may be appended to it
+  CutGeometry(const SimplexLattice<Dim>& lattice, const Band<Dim>& band, const SnappedLattice<Dim>& snapped,
+              Points<Dim>& points, Execution& execution);
 
   /// Finds the cuts and the triple points of a simplex of the band. \param cuts which of its edges are cut
   void find_cuts(const Simplex& simplex, unsigned cuts, Local& local) const;
   /// Finds where all its points are. \pre find_cuts(), unless nothing is cut.
   void place(const Simplex& simplex, Local& local) const;
 
-  [[nodiscard]] Vec<Dim> vertex_point(VertexId v) const;
   [[nodiscard]] Vec<Dim> cut_point(EdgeId e) const;
   [[nodiscard]] Vec<Dim> triple_point(std::int64_t i) const;
   [[nodiscard]] std::int64_t triple_count() const { return static_cast<std::int64_t>(band_.triangles().size()); }
@@ -74,6 +75,7 @@ class CutGeometry {
   /// Settles simplices of a block. \return those that fail, whose points are marked to rise
   template <class Chosen>
   std::vector<std::uint32_t> settle_block(std::int64_t block, Chosen&& chosen, bool inner);
+  void place_vertex(VertexId v);
   /// Raises the points of the simplices that failed, per block. \return all vertices of these
   Marks raise(const std::vector<std::vector<std::uint32_t>>& failed, Execution& execution);
   [[nodiscard]] std::int64_t find_triple(Triangle triangle) const;
@@ -84,6 +86,7 @@ class CutGeometry {
   const SimplexLattice<Dim>& lattice_;
   const Band<Dim>& band_;
   const SnappedLattice<Dim>& snapped_;
+  Points<Dim>& points_;
   std::vector<std::uint8_t> vertex_level_, cut_level_, triple_level_;
   std::vector<SplitRecord> split_;  // of the simplices of the band, block after block
   QualityBound floor_{0}, enough_{30};
