@@ -84,43 +84,51 @@ void find_vertices_of_finest(const SimplexLattice<Dim>& lattice, const Leaf<Dim>
 }
 
 /// Any other leaf. A face has smaller neighbours where its centre is a vertex, an edge is halved where its middle is.
+/// All these points are even: their places among the bits are as far apart as they are.
 template <int Dim>
 void find_vertices_of_coarse(const SimplexLattice<Dim>& lattice, const Leaf<Dim>& leaf, std::int32_t side,
                              LeafStar<Dim>& star) {
-  // All its points are even.
+  using Star = LeafStar<Dim>;
   const auto& points = lattice.points;
-  const auto contains = [&](const Coord<Dim>& half) { return points.bits().contains(points.even_key_of(half)); };
-  const auto id = [&](const Coord<Dim>& half) { return points.even_id(half); };
-  const Coord<Dim> centre = centre_of(leaf, side);
-  star.centre = id(centre);
-  for (int c = 0; c < LeafStar<Dim>::kCorners; ++c) star.corner[c] = id(corner_of(centre, side, c));
-  for (int a = 0; a < LeafStar<Dim>::kCorners; ++a)
+  const RankedBits& bits = points.bits();
+  std::array<std::int64_t, Dim> half;  // a half side along each axis
+  std::int64_t centre = points.even_key(leaf.corner);
+  for (int d = 0; d < Dim; ++d) centre += half[d] = side / 2 * points.even_stride(d);
+  star.centre = bits.rank(centre);
+  std::array<std::int64_t, Star::kCorners> corner;
+  for (int c = 0; c < Star::kCorners; ++c) {
+    corner[c] = centre;
+    for (int d = 0; d < Dim; ++d) corner[c] += c >> d & 1 ? half[d] : -half[d];
+    star.corner[c] = bits.rank(corner[c]);
+  }
+  for (int a = 0; a < Star::kCorners; ++a)
     for (int d = 0; d < Dim; ++d) {
       const int b = a | 1 << d;
       if (a == b) continue;
-      const Coord<Dim> middle = shifted(corner_of(centre, side, a), d, side);
-      const bool halved = contains(middle);
-      star.middle[LeafStar<Dim>::edge_between(a, b)] = halved ? id(middle) : LeafStar<Dim>::kNone;
+      const std::int64_t middle = corner[a] + half[d];
+      const bool halved = bits.contains(middle);
+      star.middle[Star::edge_between(a, b)] = halved ? bits.rank(middle) : Star::kNone;
       star.hanging |= halved;
     }
   if constexpr (Dim == 3) {
     for (int axis = 0; axis < Dim; ++axis)
       for (int up = 0; up < 2; ++up) {
         VertexId& across = star.across[2 * axis + up];
-        const Coord<Dim> on_face = shifted(centre, axis, up ? side : -side);
-        if (on_face[axis] == 0 || on_face[axis] == lattice.extent[axis]) {
-          across = id(on_face);
+        const std::int64_t to_face = up ? half[axis] : -half[axis];
+        const bool on_hull = up ? leaf.corner[axis] + side == points.cells()[axis] : leaf.corner[axis] == 0;
+        if (on_hull) {
+          across = bits.rank(centre + to_face);
           continue;
         }
-        if (contains(on_face)) continue;
-        const Coord<Dim> beyond = shifted(on_face, axis, up ? side : -side);
-        if (contains(beyond)) {
-          if (up) across = id(beyond);
+        if (bits.contains(centre + to_face)) continue;
+        if (bits.contains(centre + 2 * to_face)) {
+          if (up) across = bits.rank(centre + 2 * to_face);
           continue;
         }
-        Coord<Dim> larger{};
-        for (int d = 0; d < Dim; ++d) larger[d] = beyond[d] / (4 * side) * (4 * side) + 2 * side;
-        across = id(larger);
+        Coord<Dim> larger = leaf.corner;
+        larger[axis] += up ? side : -side;
+        for (int d = 0; d < Dim; ++d) larger[d] = 4 * side * (larger[d] / (2 * side)) + 2 * side;
+        across = points.even_id(larger);
         star.split |= 1U << (2 * axis + up);
       }
   }
