@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <atomic>
 #include <bit>
+#include <utility>
 
 #include "treemarch/core/error.h"
 #include "treemarch/core/parallel.h"
+#include "treemarch/core/raw_vector.h"
 
 namespace treemarch {
 namespace {
@@ -13,8 +15,8 @@ namespace {
 constexpr std::int64_t kBlock = 2048;  // leaves
 constexpr std::int64_t kGrain = 4096;
 
-/// Lower vertex in the upper half.
-using Pair = std::uint64_t;
+/// Of vertices or of ends, the lower one first.
+using Pair = std::pair<std::uint32_t, std::uint32_t>;
 
 EdgeId scan_counts(std::vector<EdgeId>& counts) {
   std::uint64_t sum = 0;
@@ -95,7 +97,7 @@ void Finder<Dim>::find_pairs() {
         mixed_leaves_[b].push_back(leaf);
         star.for_edges([&](VertexId u, VertexId v) {
           if (!labels_.disjoint(u, v)) return;
-          found.push_back(Pair{std::min(u, v)} << 32 | std::max(u, v));
+          found.emplace_back(std::min(u, v), std::max(u, v));
           table_.ends.insert(u);
           table_.ends.insert(v);
         });
@@ -147,18 +149,18 @@ void Finder<Dim>::find_thin() {
 template <int Dim>
 void Finder<Dim>::sort_pairs() {
   const auto ends = static_cast<std::int64_t>(table_.vertex.size());
-  const auto lower_of = [&](Pair p) { return table_.end_of(static_cast<VertexId>(p >> 32)); };
   std::vector<EdgeId> start(ends + 1, 0);
   parallel_for(execution_, blocks_, 1, [&](std::int64_t b) {
-    for (const Pair p : pairs_[b]) std::atomic_ref<EdgeId>(start[lower_of(p)]).fetch_add(1, std::memory_order_relaxed);
+    for (Pair& p : pairs_[b]) {
+      p = {table_.end_of(p.first), table_.end_of(p.second)};
+      std::atomic_ref(start[p.first]).fetch_add(1, std::memory_order_relaxed);
+    }
   });
-  std::vector<EndId> met(scan_counts(start));
+  RawVector<EndId> met(scan_counts(start));
   std::vector<EdgeId> cursor(start);
   parallel_for(execution_, blocks_, 1, [&](std::int64_t b) {
-    for (const Pair p : pairs_[b]) {
-      const std::atomic_ref<EdgeId> at(cursor[lower_of(p)]);
-      met[at.fetch_add(1, std::memory_order_relaxed)] = table_.end_of(static_cast<VertexId>(p));
-    }
+    for (const auto& [lower, upper] : pairs_[b])
+      met[std::atomic_ref(cursor[lower]).fetch_add(1, std::memory_order_relaxed)] = upper;
     std::vector<Pair>().swap(pairs_[b]);
   });
   table_.first.assign(ends + 1, 0);

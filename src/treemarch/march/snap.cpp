@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "treemarch/core/parallel.h"
+#include "treemarch/core/raw_vector.h"
 #include "treemarch/field/junction.h"
 
 namespace treemarch {
@@ -24,12 +25,14 @@ class Snapper {
         options_(options),
         execution_(execution),
         state_(state),
+        weights_(state.edges.vertex.size()),
         moved_(state.edges.vertex.size(), 1),
         depth_(state.edges.vertex.size(), 0),
         support_(state.edges.vertex.size(), 0) {}
 
   void run() {
     state_.cut.assign(state_.edges.size(), -1);
+    weigh_ends();
     for (int round = 0; round < options_.rounds; ++round) {
       locate_cuts();
       if (snap_round() == 0) break;
@@ -65,8 +68,11 @@ class Snapper {
     return 2 * unit * static_cast<double>(std::int64_t{1} << lattice_.spacing[v]);
   }
 
+  void weigh_ends();
   void locate_cuts();
-  [[nodiscard]] double locate_cut(VertexId u, VertexId v) const;
+  [[nodiscard]] double locate_cut(EndId from, EndId to) const;
+  /// By how much the label of an end outweighs that of another end there. \pre neither has moved
+  [[nodiscard]] double lead(EndId k, EndId over) const;
   std::int64_t snap_round();
   [[nodiscard]] bool propose(EndId k, Move& move) const;
   [[nodiscard]] Vec<Dim> point(VertexId v) const { return state_.point(lattice_, v); }
@@ -81,30 +87,61 @@ class Snapper {
   const SnapOptions& options_;
   Execution& execution_;
   SnappedLattice<Dim>& state_;
+  /// Of an end with a single label, where it was: the weight of this and the next largest one.
+  struct Weights {
+    float own = 0, next = 0;
+    MaterialId next_material = kOutside;
+  };
   // Of the ends of edges:
+  RawVector<Weights> weights_;
   std::vector<std::uint8_t> moved_;     // in the last round
   std::vector<std::uint64_t> depth_;    // of those that want to move, else 0
   std::vector<std::uint64_t> support_;  // the largest depth of a neighbour with the same single label
 };
 
+/// Of the many edges at an end each needs them.
+template <int Dim>
+void Snapper<Dim>::weigh_ends() {
+  parallel_for(execution_, std::ssize(weights_), kGrain, [&](std::int64_t k) {
+    const VertexId v = state_.edges.vertex[k];
+    weights_[k] = {};
+    if (!state_.labels.single(v)) return;
+    std::array<LabelWeight, 2> most;
+    const int count = field_.sample(lattice_.point(v), most);
+    if (count == 2 && most[0].material == state_.labels.of(v)[0])
+      weights_[k] = {most[0].weight, most[1].weight, most[1].material};
+  });
+}
+
+template <int Dim>
+double Snapper<Dim>::lead(EndId k, EndId over) const {
+  const VertexId v = state_.edges.vertex[k];
+  const MaterialId own = state_.labels.of(v)[0], other = state_.labels.of(state_.edges.vertex[over])[0];
+  if (other == weights_[k].next_material) return double{weights_[k].own} - weights_[k].next;
+  return field_.difference(point(v), own, other);
+}
+
 template <int Dim>
 void Snapper<Dim>::locate_cuts() {
   parallel_for(execution_, static_cast<std::int64_t>(state_.edges.size()), kGrain, [&](std::int64_t e) {
     if (!moved_[state_.edges.lower[e]] && !moved_[state_.edges.upper[e]]) return;
-    const VertexId u = state_.edges.lower_vertex(static_cast<EdgeId>(e)),
-                   v = state_.edges.upper_vertex(static_cast<EdgeId>(e));
-    state_.cut[e] = state_.labels.disjoint(u, v) ? static_cast<float>(locate_cut(u, v)) : -1.0F;
+    const EndId from = state_.edges.lower[e], to = state_.edges.upper[e];
+    const bool cut = state_.labels.disjoint(state_.edges.vertex[from], state_.edges.vertex[to]);
+    state_.cut[e] = cut ? static_cast<float>(locate_cut(from, to)) : -1.0F;
   });
 }
 
 /// The best weight of S(u) against the best of S(v) along the edge: a linear guess, then two steps of regula falsi;
 /// long edges, on which the field is flat at both ends, take more.
 template <int Dim>
-double Snapper<Dim>::locate_cut(VertexId u, VertexId v) const {
+double Snapper<Dim>::locate_cut(EndId from, EndId to) const {
+  const VertexId u = state_.edges.vertex[from], v = state_.edges.vertex[to];
   const auto a = state_.labels.of(u), b = state_.labels.of(v);
   const Vec<Dim> x = point(u), y = point(v);
   const auto value = [&](double t) { return double{best_difference<Dim>(field_, x + t * (y - x), a, b)}; };
-  double low = 0, high = 1, f_low = std::max(0.0, value(0)), f_high = std::min(0.0, value(1));
+  const bool single = state_.labels.single(u) && state_.labels.single(v);
+  double low = 0, high = 1, f_low = std::max(0.0, single ? lead(from, to) : value(0)),
+         f_high = std::min(0.0, single ? -lead(to, from) : value(1));
   const auto guess = [&] {
     return f_low - f_high > 0 ? low + (high - low) * f_low / (f_low - f_high) : 0.5 * (low + high);
   };
@@ -174,20 +211,20 @@ std::int64_t Snapper<Dim>::snap_round() {
     }
   });
   find_support();
-  std::fill(moved_.begin(), moved_.end(), 0);
+  parallel_for(execution_, std::ssize(moves), 1, [&](std::int64_t block) {
+    std::erase_if(moves[block], [&](const Move& move) { return !supported(move); });
+  });
+  std::ranges::fill(moved_, 0);
   std::int64_t count = 0;
-  std::vector<const Move*> accepted;
   for (const auto& block : moves)
-    for (const Move& move : block)
-      if (supported(move)) accepted.push_back(&move);
-  for (const Move* move : accepted) {
-    state_.snapped += state_.labels.single(move->vertex);
-    state_.labels.set_many(move->vertex, move->labels);
-    if (state_.labels.set_count() > state_.points.size()) state_.points.emplace_back();
-    state_.points[state_.labels.set_number(move->vertex)] = move->point;
-    moved_[move->end] = 1;
-    ++count;
-  }
+    for (const Move& move : block) {
+      state_.snapped += state_.labels.single(move.vertex);
+      state_.labels.set_many(move.vertex, move.labels);
+      if (state_.labels.set_count() > state_.points.size()) state_.points.emplace_back();
+      state_.points[state_.labels.set_number(move.vertex)] = move.point;
+      moved_[move.end] = 1;
+      ++count;
+    }
   return count;
 }
 
