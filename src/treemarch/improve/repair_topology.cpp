@@ -145,8 +145,7 @@ class Repairer {
     if (left_out_ != nullptr) left_out_->append_at(mesh_, chosen, execution_);
     Patch<Dim> patch(mesh_, chosen.vertices(), execution_);
     Mended mended = mend_components(patch, broken, report_);
-    Unpincher<Dim> unpincher(patch, mesh_, image_);
-    const std::vector<CellId> given_away = relabel_strays(strays, components, options_.left_out, patch, unpincher);
+    const std::vector<CellId> given_away = relabel_strays(strays, components, options_.left_out, patch);
     mended.relabelled.insert(mended.relabelled.end(), given_away.begin(), given_away.end());
     for (const CellId c : mended.relabelled) {
       const auto cell = patch.cell(c);
@@ -155,9 +154,9 @@ class Repairer {
     std::ranges::sort(pinched);
     pinched.erase(std::unique(pinched.begin(), pinched.end()), pinched.end());
     std::erase_if(pinched, [&](VertexId v) { return !patch.has_star(v); });
-    unpincher.run(std::move(pinched));
-    report_.pinches_after = unpincher.left();
-    const std::int64_t relabelled = unpincher.relabelled() + std::ssize(mended.relabelled);
+    const UnpinchReport unpinched = unpinch(patch, mesh_, image_, std::move(pinched), execution_);
+    report_.pinches_after = unpinched.left;
+    const std::int64_t relabelled = unpinched.relabelled + std::ssize(mended.relabelled);
     report_.relabelled_cells += relabelled;
     std::vector<Anchor> restored;
     for (const Mended::Restored& r : mended.restored) {
@@ -166,7 +165,7 @@ class Repairer {
     }
     add_anchors(restored);
     restored_.insert(restored_.end(), restored.begin(), restored.end());
-    if (!unpincher.is_confined() && (relabelled == 0 || mended.surely_whole)) return false;
+    if (!unpinched.confined && (relabelled == 0 || mended.surely_whole)) return false;
     Marks changed(mesh_.points.size());
     for (const CellId c : mended.relabelled)
       for (const VertexId v : patch.cell(c)) changed.mark(v);

@@ -5,6 +5,7 @@
 #include <tuple>
 #include <utility>
 
+#include "treemarch/improve/unpinch.h"
 #include "treemarch/mesh/marks.h"
 #include "treemarch/topology/simplices.h"
 #include "treemarch/topology/voxel_centres.h"
@@ -97,7 +98,8 @@ SmallPieces find_small_pieces(const LabelImage<Dim>& image, const ComponentMap& 
 
 template <int Dim>
 std::vector<CellId> relabel_strays(const std::vector<Stray>& strays, const MeshComponents<Dim>& components,
-                                   MaterialId left_out, Patch<Dim>& patch, Unpincher<Dim>& unpincher) {
+                                   MaterialId left_out, Patch<Dim>& patch) {
+  PinchCounter<Dim> counter(patch);
   std::vector<CellId> changed;
   std::vector<VertexId> around;
   for (const Stray& stray : strays) {
@@ -112,7 +114,7 @@ std::vector<CellId> relabel_strays(const std::vector<Stray>& strays, const MeshC
     around.erase(std::unique(around.begin(), around.end()), around.end());
     const auto excess = [&] {
       int sum = 0;
-      for (const VertexId v : around) sum += unpincher.excess(v);
+      for (const VertexId v : around) sum += counter.excess(v);
       return sum;
     };
     const int before = excess();
@@ -132,7 +134,7 @@ std::vector<CellId> relabel_strays(const std::vector<Stray>& strays, const MeshC
   template SmallPieces find_small_pieces(const LabelImage<DIM>&, const ComponentMap&, std::span<const std::uint8_t>, \
                                          const Mesh<DIM>&, const MeshComponents<DIM>&, const Execution&);            \
   template std::vector<CellId> relabel_strays(const std::vector<Stray>&, const MeshComponents<DIM>&, MaterialId,     \
-                                              Patch<DIM>&, Unpincher<DIM>&);
+                                              Patch<DIM>&);
 TREEMARCH_INSTANTIATE(2)
 TREEMARCH_INSTANTIATE(3)
 #undef TREEMARCH_INSTANTIATE

@@ -10,7 +10,6 @@
 #include "treemarch/image/label_image.h"
 #include "treemarch/improve/anchors.h"
 #include "treemarch/improve/patch.h"
-#include "treemarch/improve/unpinch.h"
 #include "treemarch/topology/image_components.h"
 #include "treemarch/topology/mesh_components.h"
 
@@ -44,6 +43,6 @@ SmallPieces find_small_pieces(const LabelImage<Dim>& image, const ComponentMap& 
 /// has the stars of their vertices \return the cells that changed
 template <int Dim>
 std::vector<CellId> relabel_strays(const std::vector<Stray>& strays, const MeshComponents<Dim>& components,
-                                   MaterialId left_out, Patch<Dim>& patch, Unpincher<Dim>& unpincher);
+                                   MaterialId left_out, Patch<Dim>& patch);
 
 }  // namespace treemarch

@@ -1,15 +1,20 @@
 #include "treemarch/improve/unpinch.h"
 
 #include <algorithm>
+#include <atomic>
 #include <numeric>
 #include <tuple>
+#include <utility>
 
+#include "treemarch/core/parallel.h"
 #include "treemarch/mesh/cell_topology.h"
+#include "treemarch/topology/disjoint_sets.h"
 
 namespace treemarch {
 namespace {
 
 constexpr int kPasses = 8;
+constexpr std::uint32_t kNobody = 0xffffffffU;
 
 /// Whether two simplices share a facet.
 template <int Dim>
@@ -81,7 +86,7 @@ bool keeps_connection(const Patch<Dim>& patch, std::span<const CellId> cells) {
 }
 
 template <int Dim>
-int Unpincher<Dim>::excess(VertexId v) {
+int PinchCounter<Dim>::excess(VertexId v) {
   const auto star = patch_.star(v);
   if (std::ranges::all_of(star, [&](CellId c) { return patch_.material(c) == patch_.material(star[0]); })) return 0;
   link_.clear();
@@ -94,11 +99,67 @@ int Unpincher<Dim>::excess(VertexId v) {
   return sum;
 }
 
+namespace {
+
+/// Treats pinched vertices one after the other.
+template <int Dim>
+class Unpincher {
+ public:
+  Unpincher(Patch<Dim>& patch, const Mesh<Dim>& mesh, const LabelImage<Dim>& image)
+      : patch_(patch), mesh_(mesh), image_(image), counter_(patch) {}
+
+  /// Of a pass over some vertices.
+  struct Outcome {
+    std::int64_t relabelled = 0;
+    std::vector<VertexId> pinched;  // those that are left, and those that are pinched by moves
+    bool any = false;               // whether there was a move
+    bool confined = false;          // a move at one that is left was not tried, as a vertex of it has no star
+  };
+  Outcome run(std::span<const VertexId> vertices);
+
+ private:
+  /// Cells around a vertex that change from one material to another.
+  struct Move {
+    std::vector<CellId> cells;
+    MaterialId to = 0;
+    int gain = 0;                // sheets fewer
+    std::int64_t agreement = 0;  // cells for which the image is for it, less those for which it is against it
+    double volume = 0;
+    double contact = 0;  // area of the facets to the material they go to
+  };
+
+  bool treat(VertexId v);
+  void list_parts(VertexId v);
+  void propose_parts();
+  void propose_along_edges(VertexId v);
+  void propose_cells();
+  [[nodiscard]] int excess_before(VertexId v);
+  void propose(std::span<const CellId> cells, MaterialId to);
+  bool apply_best();
+  [[nodiscard]] MaterialId image_material(CellId c) const;
+  void relabel(std::span<const CellId> cells, MaterialId to) {
+    for (const CellId c : cells) patch_.relabel(c, to);
+  }
+  Patch<Dim>& patch_;
+  const Mesh<Dim>& mesh_;
+  const LabelImage<Dim>& image_;
+  PinchCounter<Dim> counter_;
+  std::vector<CellId> star_;
+  std::vector<std::array<int, Dim>> beside_;  // the cells of the star beside each of them at the facets at v, or -1
+  std::vector<int> part_;  // of each cell of the star: cells of one material that hang together over facets at v
+  int parts_ = 0;
+  std::vector<Move> moves_;
+  std::vector<std::pair<VertexId, int>> before_;
+  std::vector<VertexId> touched_;
+  bool at_rim_ = false;  // a move of the vertex that is treated was not tried, as a vertex of it has no star
+  Outcome outcome_;
+};
+
 /// Of a vertex near the one that is treated, as its cells are labelled while no move is tried.
 template <int Dim>
 int Unpincher<Dim>::excess_before(VertexId v) {
   auto at = std::ranges::find(before_, v, [](const auto& known) { return known.first; });
-  if (at == before_.end()) at = before_.insert(at, {v, excess(v)});
+  if (at == before_.end()) at = before_.insert(at, {v, counter_.excess(v)});
   return at->second;
 }
 
@@ -153,7 +214,7 @@ void Unpincher<Dim>::propose(std::span<const CellId> cells, MaterialId to) {
   int before = 0, after = 0;
   for (const VertexId v : touched_) before += excess_before(v);
   relabel(cells, to);
-  for (auto v = touched_.begin(); v != touched_.end() && after < before; ++v) after += excess(*v);
+  for (auto v = touched_.begin(); v != touched_.end() && after < before; ++v) after += counter_.excess(*v);
   relabel(cells, from);
   if (after >= before) return;
   Move move{{cells.begin(), cells.end()}, to, before - after};
@@ -233,11 +294,11 @@ bool Unpincher<Dim>::apply_best() {
   for (const Move& move : moves_) {
     if (!keeps_connection<Dim>(patch_, move.cells)) continue;
     relabel(move.cells, move.to);
-    relabelled_ += std::ssize(move.cells);
+    outcome_.relabelled += std::ssize(move.cells);
     touched_.clear();
     for (const CellId c : move.cells) add_vertices<Dim>(patch_.cell(c), touched_);
     for (const VertexId v : touched_)
-      if (excess(v) > 0) pinched_.push_back(v);
+      if (counter_.excess(v) > 0) outcome_.pinched.push_back(v);
     return true;
   }
   return false;
@@ -258,33 +319,91 @@ bool Unpincher<Dim>::treat(VertexId v) {
 }
 
 template <int Dim>
-void Unpincher<Dim>::run(std::vector<VertexId> vertices) {
-  for (int pass = 0; pass < kPasses && !vertices.empty(); ++pass) {
-    bool any = false;
-    confined_ = false;
-    pinched_.clear();
-    std::vector<VertexId> left;
-    for (const VertexId v : vertices) {
-      while (excess(v) > 0 && treat(v)) any = true;
-      if (excess(v) == 0) continue;
-      left.push_back(v);
-      confined_ |= at_rim_;
-    }
-    left.insert(left.end(), pinched_.begin(), pinched_.end());
-    std::ranges::sort(left);
-    left.erase(std::unique(left.begin(), left.end()), left.end());
-    vertices = std::move(left);
-    if (!any) break;
+typename Unpincher<Dim>::Outcome Unpincher<Dim>::run(std::span<const VertexId> vertices) {
+  outcome_ = {};
+  for (const VertexId v : vertices) {
+    while (counter_.excess(v) > 0 && treat(v)) outcome_.any = true;
+    if (counter_.excess(v) == 0) continue;
+    outcome_.pinched.push_back(v);
+    outcome_.confined |= at_rim_;
   }
-  left_ = 0;
-  for (const VertexId v : vertices) left_ += excess(v);
+  return std::move(outcome_);
 }
 
-template double facet_area(const Patch<2>&, CellId, int);
-template double facet_area(const Patch<3>&, CellId, int);
-template bool keeps_connection(const Patch<2>&, std::span<const CellId>);
-template bool keeps_connection(const Patch<3>&, std::span<const CellId>);
-template class Unpincher<2>;
-template class Unpincher<3>;
+/// Sorts vertices into groups: a move at a vertex of one neither changes nor depends on cells that one at a vertex of
+/// another can change, as no vertex is joined to both. Within a group they keep their order.
+template <int Dim>
+std::vector<std::vector<VertexId>> independent_groups(const Patch<Dim>& patch, std::span<const VertexId> vertices,
+                                                      std::vector<std::uint32_t>& first_at,
+                                                      const Execution& execution) {
+  constexpr std::int64_t kVerticesPerTask = 256;
+  const auto for_each_around = [&](auto&& f) {
+    parallel_for(execution, std::ssize(vertices), kVerticesPerTask, [&](std::int64_t i) {
+      for (const CellId c : patch.star(vertices[static_cast<std::size_t>(i)]))
+        for (const VertexId v : patch.cell(c)) f(static_cast<std::uint32_t>(i), std::atomic_ref(first_at[v]));
+    });
+  };
+  SharedDisjointSets sets(vertices.size(), execution);
+  for_each_around([&](std::uint32_t i, const std::atomic_ref<std::uint32_t>& at) {
+    std::uint32_t other = kNobody;
+    if (!at.compare_exchange_strong(other, i, std::memory_order_relaxed)) sets.join(i, other);
+  });
+  for_each_around(
+      [](std::uint32_t, const std::atomic_ref<std::uint32_t>& at) { at.store(kNobody, std::memory_order_relaxed); });
+  std::vector<std::uint32_t> group_of(vertices.size());
+  std::vector<std::vector<VertexId>> groups;
+  for (std::uint32_t i = 0; i < vertices.size(); ++i) {  // the root is the smallest
+    const std::uint32_t root = sets.find(i);
+    if (root == i) {
+      group_of[i] = static_cast<std::uint32_t>(groups.size());
+      groups.emplace_back();
+    }
+    groups[group_of[root]].push_back(vertices[i]);
+  }
+  return groups;
+}
+
+}  // namespace
+
+template <int Dim>
+UnpinchReport unpinch(Patch<Dim>& patch, const Mesh<Dim>& mesh, const LabelImage<Dim>& image,
+                      std::vector<VertexId> vertices, Execution& execution) {
+  using Outcome = typename Unpincher<Dim>::Outcome;
+  UnpinchReport report;
+  std::vector<std::uint32_t> first_at(mesh.points.size(), kNobody);
+  bool any = true;
+  for (int pass = 0; pass < kPasses && any && !vertices.empty(); ++pass) {
+    const auto groups = independent_groups(patch, vertices, first_at, execution);
+    std::vector<Outcome> outcomes(groups.size());
+    parallel_for_ranges(execution, std::ssize(groups), 1, [&](std::int64_t begin, std::int64_t end) {
+      Unpincher<Dim> unpincher(patch, mesh, image);
+      for (std::int64_t g = begin; g < end; ++g)
+        outcomes[static_cast<std::size_t>(g)] = unpincher.run(groups[static_cast<std::size_t>(g)]);
+    });
+    vertices.clear();
+    any = report.confined = false;
+    for (const Outcome& outcome : outcomes) {
+      vertices.insert(vertices.end(), outcome.pinched.begin(), outcome.pinched.end());
+      report.relabelled += outcome.relabelled;
+      any |= outcome.any;
+      report.confined |= outcome.confined;
+    }
+    std::ranges::sort(vertices);
+    vertices.erase(std::unique(vertices.begin(), vertices.end()), vertices.end());
+  }
+  PinchCounter<Dim> counter(patch);
+  for (const VertexId v : vertices) report.left += counter.excess(v);
+  return report;
+}
+
+#define TREEMARCH_INSTANTIATE(DIM)                                                                             \
+  template double facet_area(const Patch<DIM>&, CellId, int);                                                  \
+  template bool keeps_connection(const Patch<DIM>&, std::span<const CellId>);                                  \
+  template class PinchCounter<DIM>;                                                                            \
+  template UnpinchReport unpinch(Patch<DIM>&, const Mesh<DIM>&, const LabelImage<DIM>&, std::vector<VertexId>, \
+                                 Execution&);
+TREEMARCH_INSTANTIATE(2)
+TREEMARCH_INSTANTIATE(3)
+#undef TREEMARCH_INSTANTIATE
 
 }  // namespace treemarch
