@@ -9,7 +9,8 @@
 namespace treemarch {
 namespace {
 
-constexpr std::int64_t kPerTask = 1 << 14;
+constexpr std::int64_t kPerTask = 1 << 14;  // vertices
+constexpr std::int64_t kBoxesPerTask = 512;
 constexpr std::int32_t kStepsPerBox = 3;
 
 template <int Dim>
@@ -45,8 +46,9 @@ template <int Dim>
 void mark_near(const Mesh<Dim>& mesh, std::span<const Reach> cells, const LabelImage<Dim>& image, Marks& marked,
                const Execution& execution) {
   // Their corners are rounded outwards to a coarse raster, so that those of neighbouring cells are mostly the same.
-  std::vector<std::array<Coord<Dim>, 2>> boxes;
-  for (const Reach& reach : cells) {
+  std::vector<std::array<Coord<Dim>, 2>> boxes(cells.size());
+  parallel_for(execution, std::ssize(cells), kBoxesPerTask, [&](std::int64_t i) {
+    const Reach& reach = cells[static_cast<std::size_t>(i)];
     const Box<Dim> box = box_around(mesh, reach.cell, reach.lengths);
     Coord<Dim> begin = image.voxel_at(box.low), last = image.voxel_at(box.high);
     for (int d = 0; d < Dim; ++d) {
@@ -55,12 +57,13 @@ void mark_near(const Mesh<Dim>& mesh, std::span<const Reach> cells, const LabelI
       begin[d] -= begin[d] % step;
       last[d] = std::min(last[d] - last[d] % step + step, image.extent[d]) - 1;
     }
-    boxes.push_back({begin, last});
-  }
-  std::ranges::sort(boxes);
+    boxes[static_cast<std::size_t>(i)] = {begin, last};
+  });
+  parallel_sort(execution, boxes);
   boxes.erase(std::unique(boxes.begin(), boxes.end()), boxes.end());
   Marks near(static_cast<std::size_t>(product(image.extent)));
-  for (const auto& [begin, last] : boxes) {
+  parallel_for(execution, std::ssize(boxes), kBoxesPerTask, [&](std::int64_t i) {
+    const auto& [begin, last] = boxes[static_cast<std::size_t>(i)];
     Coord<Dim> count;
     for (int d = 0; d < Dim; ++d) count[d] = last[d] - begin[d] + 1;
     const std::int64_t rows = product(count) / count[0];
@@ -69,7 +72,7 @@ void mark_near(const Mesh<Dim>& mesh, std::span<const Reach> cells, const LabelI
       for (int d = 0; d < Dim; ++d) c[d] += begin[d];
       near.mark_run(static_cast<std::size_t>(linear_index(c, image.extent)), static_cast<std::size_t>(count[0]));
     }
-  }
+  });
   parallel_for(execution, std::ssize(mesh.points), kPerTask, [&](std::int64_t v) {
     const Coord<Dim> c = image.voxel_at(mesh.points[static_cast<std::size_t>(v)]);
     if (near[static_cast<std::size_t>(linear_index(c, image.extent))]) marked.mark(static_cast<std::size_t>(v));

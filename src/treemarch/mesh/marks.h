@@ -20,16 +20,12 @@ class Marks {
   explicit Marks(std::size_t size) : words_(size / 64 + 1) {}
   [[nodiscard]] bool operator[](std::size_t v) const { return (words_[v / 64] >> v % 64 & 1) != 0; }
   /// May be called from several threads, while nobody reads.
-  void mark(std::size_t v) {
-    const std::atomic_ref word(words_[v / 64]);
-    const std::uint64_t bit = std::uint64_t{1} << v % 64;
-    if ((word.load(std::memory_order_relaxed) & bit) == 0) word.fetch_or(bit, std::memory_order_relaxed);
-  }
-  /// Marks `count` places from `first` on, by words. Not from several threads.
+  void mark(std::size_t v) { add(v / 64, std::uint64_t{1} << v % 64); }
+  /// Marks `count` places from `first` on, by words. May be called from several threads, while nobody reads.
   void mark_run(std::size_t first, std::size_t count) {
     for (const std::size_t end = first + count; first < end;) {
       const std::size_t bits = std::min(64 - first % 64, end - first);
-      words_[first / 64] |= (~std::uint64_t{0} >> (64 - bits)) << first % 64;
+      add(first / 64, (~std::uint64_t{0} >> (64 - bits)) << first % 64);
       first += bits;
     }
   }
@@ -43,6 +39,10 @@ class Marks {
   }
 
  private:
+  void add(std::size_t w, std::uint64_t bits) {
+    const std::atomic_ref word(words_[w]);
+    if ((word.load(std::memory_order_relaxed) & bits) != bits) word.fetch_or(bits, std::memory_order_relaxed);
+  }
   std::vector<std::uint64_t> words_;
 };
 
