@@ -37,7 +37,7 @@ Tap solid_angle_tap(double u, std::int32_t extent) {
 template <int Dim>
 struct Cell {
   static constexpr int kCorners = 1 << Dim;
-  std::uint64_t ref;        ///< of the brick that holds the cell
+  std::uint64_t ref;        ///< of the brick that holds the cell; the rest is for bricks that are not uniform
   int place;                ///< of the cell's first voxel in the brick
   double weight[kCorners];  ///< of each voxel, first axis fastest
 
@@ -60,6 +60,7 @@ struct Cell {
       f[d] = tap.f;
     }
     ref = bricks.refs[bricks.brick_of(voxel)];
+    if (ref & Bricks<Dim>::kUniform) return;
     place = Bricks<Dim>::place_in_brick(voxel);
     weight[0] = 1.0 / Bricks<Dim>::kOne;
     for (int d = Dim; d-- > 0;)

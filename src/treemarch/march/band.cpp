@@ -51,7 +51,12 @@ void Band<Dim>::find_cuts(const Simplex& simplex, Part& part) const {
   const bool shared = alone != simplex.end() && std::ranges::all_of(simplex, [&](VertexId v) {
                         return labels_.contains(v, labels_.of(*alone)[0]);
                       });
-  for (int e = 0; e < T::kEdges && !shared; ++e)
+  if (shared) {
+    part.simplices.push_back(simplex);
+    part.cuts.push_back(kOneLabel);
+    return;
+  }
+  for (int e = 0; e < T::kEdges; ++e)
     cuts |= (labels_.disjoint(simplex[T::kEdge[e][0]], simplex[T::kEdge[e][1]]) ? 1U : 0U) << e;
   part.simplices.push_back(simplex);
   part.cuts.push_back(static_cast<std::uint8_t>(cuts));

@@ -27,6 +27,7 @@ class Band {
  public:
   using Simplex = std::array<VertexId, Dim + 1>;
   using Triangle = std::array<VertexId, 3>;  // ascending
+  static constexpr std::uint8_t kOneLabel = 0x80;
 
   /// \param left_out the material whose far simplices do not count, or kOutside
   Band(const SimplexLattice<Dim>& lattice, const VertexLabels& labels, MaterialId left_out, Execution& execution);
@@ -34,7 +35,8 @@ class Band {
   /// They come in blocks, one for each block of leaves, in the order of the leaves.
   [[nodiscard]] std::int64_t blocks() const { return std::ssize(parts_); }
   [[nodiscard]] std::span<const Simplex> simplices(std::int64_t block) const { return parts_[block].simplices; }
-  /// Of each simplex of a block: bit e is set where edge e joins vertices without a common label and is cut.
+  /// Of each simplex of a block: bit e is set where edge e joins vertices without a common label and is cut; or
+  /// kOneLabel if all vertices share the label of the first one that has no other.
   [[nodiscard]] std::span<const std::uint8_t> cuts(std::int64_t block) const { return parts_[block].cuts; }
   /// Simplices before a block. \pre 0 <= block <= blocks()
   [[nodiscard]] std::int64_t first(std::int64_t block) const { return first_[block]; }

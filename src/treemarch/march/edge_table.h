@@ -9,6 +9,7 @@
 
 #include "treemarch/core/execution.h"
 #include "treemarch/core/ranked_bits.h"
+#include "treemarch/core/raw_vector.h"
 #include "treemarch/march/label_sets.h"
 #include "treemarch/tessellate/body_centred.h"
 
@@ -22,14 +23,14 @@ using EndId = std::uint32_t;
 /// Edges in the order of their lower vertex, then of their upper one.
 struct EdgeTable {
   RankedBits ends;                   ///< of edges, numbered
-  std::vector<VertexId> vertex;      ///< of each end
+  RawVector<VertexId> vertex;        ///< of each end
   std::vector<EdgeId> first;         ///< edges whose lower vertex is end k are first[k] .. first[k + 1]
-  std::vector<EndId> lower;          ///< of each edge
-  std::vector<EndId> upper;          ///< of each edge, ascending within a lower end
+  RawVector<EndId> lower;            ///< of each edge
+  RawVector<EndId> upper;            ///< of each edge, ascending within a lower end
   std::vector<EdgeId> first_upward;  ///< the same for upper ends, into upward
-  std::vector<EdgeId> upward;        ///< edges by their upper end
+  RawVector<EdgeId> upward;          ///< edges by their upper end
   /// Whether an end lies in a simplex with one label only: then the label does not depend on this vertex alone.
-  std::vector<std::uint8_t> supported;
+  RawVector<std::uint8_t> supported;
   /// Vertices of the simplices with an end of one label that is not supported, Dim + 1 each.
   std::vector<VertexId> thin;
 

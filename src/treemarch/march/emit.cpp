@@ -88,6 +88,10 @@ class Emitter {
   void place_points(Mesh<Dim>& mesh) const;
   void write(Mesh<Dim>& mesh) const;
   [[nodiscard]] MaterialId material_of(std::span<const std::uint8_t> piece, const Simplex& simplex, Local& local) const;
+  /// \pre one vertex has a single label.
+  [[nodiscard]] MaterialId first_single_label(const Simplex& simplex) const {
+    return snapped_.labels.of(*std::ranges::find_if(simplex, [&](VertexId v) { return snapped_.labels.single(v); }))[0];
+  }
   [[nodiscard]] std::array<VertexId, T::kPoints> numbers_of(const Simplex& simplex, const Local& local,
                                                             std::int64_t inner) const;
 
@@ -193,7 +197,9 @@ void Emitter<Dim>::write(Mesh<Dim>& mesh) const {
       Local local;
       if (split.pattern == 0) {
         std::ranges::copy(simplex, cells.vertices.begin() + next * (Dim + 1));
-        cells.materials[next++] = material_of(std::span(kWhole).first(Dim + 1), simplex, local);
+        cells.materials[next++] = band_.cuts(block)[i] == Band<Dim>::kOneLabel
+                                      ? first_single_label(simplex)
+                                      : material_of(std::span(kWhole).first(Dim + 1), simplex, local);
         continue;
       }
       geometry_.find_cuts(simplex, band_.cuts(block)[i], local);

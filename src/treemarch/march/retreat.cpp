@@ -153,7 +153,7 @@ void CutGeometry<Dim>::for_levels(const Simplex& simplex, unsigned cuts, F&& f) 
 
 template <int Dim>
 bool CutGeometry<Dim>::settle(const Simplex& simplex, unsigned cuts, bool inner, SplitRecord& split) const {
-  if (cuts == 0) {
+  if (cuts == 0 || cuts == Band<Dim>::kOneLabel) {
     std::array<Vec<Dim>, Dim + 1> p;
     for (int k = 0; k <= Dim; ++k) p[k] = points_[simplex[k]];
     return meets(p, sure_) || meets(angle_range<Dim>(p), floor_);
