@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "treemarch/core/execution.h"
+#include "treemarch/core/raw_vector.h"
 
 namespace treemarch {
 
@@ -45,6 +46,17 @@ template <class T, class Less = std::less<T>>
 void parallel_sort(const Execution& execution, std::vector<T>& values, Less less = {}) {
   execution.check();
   execution.run([&] { tbb::parallel_sort(values.begin(), values.end(), less); });
+}
+
+/// A vector of n times a value, set by all threads: the memory of a large one costs more than its values.
+template <class T>
+RawVector<T> filled(const Execution& execution, std::size_t n, const T& value) {
+  constexpr std::int64_t kGrain = 1 << 16;
+  RawVector<T> all(n);
+  parallel_for_ranges(execution, static_cast<std::int64_t>(n), kGrain, [&](std::int64_t begin, std::int64_t end) {
+    std::fill(all.begin() + begin, all.begin() + end, value);
+  });
+  return all;
 }
 
 /// Splits [0, n) into fixed blocks of `block` indices (the last one may be shorter), independent of the threads: the

@@ -17,7 +17,7 @@ constexpr std::int64_t kBlock = 1 << 14;
 template <int Dim>
 Patch<Dim>::Patch(Mesh<Dim>& mesh, std::vector<VertexId> chosen, const Execution& execution)
     : mesh_(mesh), block_(mesh.blocks[0]), chosen_(std::move(chosen)) {
-  slot_.assign(mesh.points.size(), 0);
+  slot_ = filled(execution, mesh.points.size(), 0U);
   for (std::size_t s = 0; s < chosen_.size(); ++s) slot_[chosen_[s]] = static_cast<std::uint32_t>(s + 1);
   stars_.resize(chosen_.size());
   if (mesh.blocks.size() > 1) fixed_.assign(mesh.points.size(), 0);

@@ -134,7 +134,7 @@ class Patch {
   std::vector<VertexId> chosen_;
   std::span<const Anchor> anchors_;
   std::vector<std::uint8_t> fixed_;  // of every vertex; empty where all cells are simplices
-  std::vector<std::uint32_t> slot_;  // of every vertex of the mesh: 1 + place in chosen_
+  RawVector<std::uint32_t> slot_;    // of every vertex of the mesh: 1 + place in chosen_
   std::vector<Star> stars_;
   RawVector<CellId> pool_;
   std::vector<CellId> free_;

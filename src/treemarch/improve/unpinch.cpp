@@ -334,8 +334,7 @@ typename Unpincher<Dim>::Outcome Unpincher<Dim>::run(std::span<const VertexId> v
 /// another can change, as no vertex is joined to both. Within a group they keep their order.
 template <int Dim>
 std::vector<std::vector<VertexId>> independent_groups(const Patch<Dim>& patch, std::span<const VertexId> vertices,
-                                                      std::vector<std::uint32_t>& first_at,
-                                                      const Execution& execution) {
+                                                      RawVector<std::uint32_t>& first_at, const Execution& execution) {
   constexpr std::int64_t kVerticesPerTask = 256;
   const auto for_each_around = [&](auto&& f) {
     parallel_for(execution, std::ssize(vertices), kVerticesPerTask, [&](std::int64_t i) {
@@ -370,7 +369,7 @@ UnpinchReport unpinch(Patch<Dim>& patch, const Mesh<Dim>& mesh, const LabelImage
                       std::vector<VertexId> vertices, Execution& execution) {
   using Outcome = typename Unpincher<Dim>::Outcome;
   UnpinchReport report;
-  std::vector<std::uint32_t> first_at(mesh.points.size(), kNobody);
+  RawVector<std::uint32_t> first_at = filled(execution, mesh.points.size(), kNobody);
   bool any = true;
   for (int pass = 0; pass < kPasses && any && !vertices.empty(); ++pass) {
     const auto groups = independent_groups(patch, vertices, first_at, execution);

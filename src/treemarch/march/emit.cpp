@@ -7,6 +7,7 @@
 
 #include "treemarch/core/error.h"
 #include "treemarch/core/parallel.h"
+#include "treemarch/core/raw_vector.h"
 #include "treemarch/field/junction.h"
 
 namespace treemarch {
@@ -105,7 +106,7 @@ class Emitter {
   std::int64_t pieces_ = 0, inner_ = 0;
   // Points are numbered: lattice vertices, cuts, triple points, inner points.
   std::int64_t first_cut_ = 0, first_triple_ = 0, first_inner_ = 0;
-  std::vector<VertexId> cut_number_;  // of each edge
+  RawVector<VertexId> cut_number_;  // of each edge that is cut
 };
 
 template <int Dim>
@@ -125,7 +126,7 @@ void Emitter<Dim>::count() {
 template <int Dim>
 void Emitter<Dim>::number_cuts() {
   first_cut_ = static_cast<std::int64_t>(lattice_.vertices.size());
-  cut_number_.assign(snapped_.edges.size(), 0);
+  cut_number_.resize(snapped_.edges.size());
   std::int64_t next = first_cut_;
   for (std::size_t e = 0; e < cut_number_.size(); ++e)
     if (snapped_.cut[e] >= 0) cut_number_[e] = static_cast<VertexId>(next++);

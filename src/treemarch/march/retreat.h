@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "treemarch/core/execution.h"
+#include "treemarch/core/raw_vector.h"
 #include "treemarch/march/band.h"
 #include "treemarch/march/snap.h"
 #include "treemarch/march/stencil.h"
@@ -88,7 +89,7 @@ class CutGeometry {
   const SnappedLattice<Dim>& snapped_;
   Points<Dim>& points_;
   std::vector<std::uint8_t> vertex_level_, cut_level_, triple_level_;
-  std::vector<SplitRecord> split_;  // of the simplices of the band, block after block
+  RawVector<SplitRecord> split_;  // of the simplices of the band, block after block
   QualityBound floor_{0}, enough_{30};
   SquaredQualityBound sure_{floor_};
 };

@@ -27,11 +27,11 @@ class Snapper {
         state_(state),
         weights_(state.edges.vertex.size()),
         moved_(state.edges.vertex.size(), 1),
-        depth_(state.edges.vertex.size(), 0),
-        support_(state.edges.vertex.size(), 0) {}
+        depth_(state.edges.vertex.size()),
+        support_(state.edges.vertex.size()) {}
 
   void run() {
-    state_.cut.assign(state_.edges.size(), -1);
+    state_.cut.resize(state_.edges.size());
     weigh_ends();
     for (int round = 0; round < options_.rounds; ++round) {
       locate_cuts();
@@ -94,9 +94,9 @@ class Snapper {
   };
   // Of the ends of edges:
   RawVector<Weights> weights_;
-  std::vector<std::uint8_t> moved_;     // in the last round
-  std::vector<std::uint64_t> depth_;    // of those that want to move, else 0
-  std::vector<std::uint64_t> support_;  // the largest depth of a neighbour with the same single label
+  std::vector<std::uint8_t> moved_;   // in the last round; at first all
+  RawVector<std::uint64_t> depth_;    // of those that want to move, else 0
+  RawVector<std::uint64_t> support_;  // the largest depth of a neighbour with the same single label
 };
 
 /// Of the many edges at an end each needs them.

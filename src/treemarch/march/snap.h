@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "treemarch/core/execution.h"
+#include "treemarch/core/raw_vector.h"
 #include "treemarch/field/field.h"
 #include "treemarch/march/edge_table.h"
 #include "treemarch/march/label_sets.h"
@@ -28,7 +29,7 @@ struct SnappedLattice {
   EdgeTable edges;               ///< separated before snapping
   /// Where an edge that is still separated is cut: the fraction from its lower to its upper vertex, at a distance from
   /// both ends; negative where the edge is not cut.
-  std::vector<float> cut;
+  RawVector<float> cut;
   std::int64_t snapped = 0;  ///< vertices that moved
 
   [[nodiscard]] Vec<Dim> point(const SimplexLattice<Dim>& lattice, VertexId v) const {

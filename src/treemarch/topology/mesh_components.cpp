@@ -31,7 +31,10 @@ void note(MaterialId& at, MaterialId material) {
 
 template <int Dim>
 MeshComponents<Dim>::MeshComponents(const Mesh<Dim>& mesh, const Execution& execution, const KnownOfMesh<Dim>& known)
-    : mesh_(mesh), known_(known), border_(mesh.points.size()), material_of_part_(mesh.points.size(), kUnused) {
+    : mesh_(mesh),
+      known_(known),
+      border_(mesh.points.size()),
+      material_of_part_(filled(execution, mesh.points.size(), kUnused)) {
   if (known.at_interfaces.empty())
     mark_interfaces(mesh, known.uniform_cells, border_, execution);
   else
@@ -151,7 +154,7 @@ void MeshComponents<Dim>::find_pinches(const Execution& execution) requires(Dim 
                       });
     });
   };
-  std::vector<std::uint32_t> cursor(mesh_.points.size() + 1);
+  RawVector<std::uint32_t> cursor = filled(execution, mesh_.points.size() + 1, 0U);
   for_each_border_vertex(
       [&](VertexId v, const LinkFacet&) { std::atomic_ref(cursor[v]).fetch_add(1, std::memory_order_relaxed); });
   RawVector<LinkFacet> around(exclusive_scan(std::span(cursor)));

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "treemarch/core/execution.h"
+#include "treemarch/core/raw_vector.h"
 #include "treemarch/core/vec.h"
 #include "treemarch/mesh/facets.h"
 #include "treemarch/mesh/marks.h"
@@ -104,7 +105,7 @@ class MeshComponents {
   std::vector<std::uint8_t> border_;     // one a vertex
   std::vector<std::size_t> first_cell_;  // per block, numbered after the vertices
   SharedDisjointSets sets_;
-  std::vector<MaterialId> material_of_part_;  // of inner vertices that are the part of some cell, else kUnused
+  RawVector<MaterialId> material_of_part_;  // of inner vertices that are the part of some cell, else kUnused
   std::vector<CellPlace> cells_at_borders_;
   std::vector<BorderFacet> facets_;
   std::vector<MeshPinch> pinches_;
