@@ -21,7 +21,7 @@ std::uint64_t scatter(std::uint64_t x) { return scramble(x + 0x9e3779b97f4a7c15U
 template <int Dim>
 void mark_interfaces(const Mesh<Dim>& mesh, std::int64_t first_cell, std::vector<std::uint8_t>& marks,
                      const Execution& execution) {
-  std::vector<MaterialId> met(mesh.points.size(), kOutside);
+  RawVector<MaterialId> met = filled(execution, mesh.points.size(), kOutside);
   for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
     const CellBlock& block = mesh.blocks[b];
     const std::int64_t first = b == 0 ? first_cell : 0;
@@ -40,7 +40,7 @@ void mark_interfaces(const Mesh<Dim>& mesh, std::int64_t first_cell, std::vector
 template <int Dim>
 void mark_hull(const Mesh<Dim>& mesh, std::int64_t first_cell, std::vector<std::uint8_t>& marks,
                const Execution& execution) {
-  std::vector<std::uint64_t> sums(mesh.points.size());
+  RawVector<std::uint64_t> sums = filled(execution, mesh.points.size(), std::uint64_t{0});
   for (std::size_t b = 0; b < mesh.blocks.size(); ++b) {
     const CellBlock& block = mesh.blocks[b];
     const CellTopology& shape = topology(block.type);
