@@ -8,6 +8,7 @@
 #include <tuple>
 
 #include "treemarch/core/parallel.h"
+#include "treemarch/mesh/marks.h"
 
 namespace treemarch {
 namespace {
@@ -184,7 +185,8 @@ std::vector<std::uint32_t> CutGeometry<Dim>::settle_block(std::int64_t block, Ch
 }
 
 template <int Dim>
-Marks CutGeometry<Dim>::raise(const std::vector<std::vector<std::uint32_t>>& failed, Execution& execution) {
+std::vector<VertexId> CutGeometry<Dim>::raise(const std::vector<std::vector<std::uint32_t>>& failed,
+                                              Execution& execution) {
   const auto rise = [](std::uint8_t& level) {
     const std::atomic_ref place(level);
     std::uint8_t now = place.load(std::memory_order_relaxed);
@@ -200,9 +202,31 @@ Marks CutGeometry<Dim>::raise(const std::vector<std::vector<std::uint32_t>>& fai
       for (const VertexId v : simplex) vertices.mark(v);
     }
   });
-  const std::vector<VertexId> raised = vertices.vertices();
+  std::vector<VertexId> raised = vertices.vertices();
   parallel_for(execution, std::ssize(raised), kPointsPerTask, [&](std::int64_t i) { place_vertex(raised[i]); });
-  return vertices;
+  return raised;
+}
+
+/// By the box around the stars of its leaves, which reach as far as the centre of a neighbour twice as large.
+template <int Dim>
+bool CutGeometry<Dim>::may_touch(std::int64_t block, std::span<const VertexId> vertices) const {
+  constexpr std::size_t kFew = 512;
+  if (vertices.size() > kFew) return true;
+  Coord<Dim> low = lattice_.extent, high{};
+  const std::int64_t first = block * kLeavesPerBlock;
+  for (std::int64_t i = first; i < std::min(first + kLeavesPerBlock, std::ssize(lattice_.leaves)); ++i) {
+    const Leaf<Dim>& leaf = lattice_.leaves[i];
+    const std::int32_t side = lattice_.sides[leaf.level];
+    for (int d = 0; d < Dim; ++d) {
+      low[d] = std::min(low[d], 2 * (leaf.corner[d] - side));
+      high[d] = std::max(high[d], 2 * (leaf.corner[d] + 2 * side));
+    }
+  }
+  return std::ranges::any_of(vertices, [&](VertexId v) {
+    bool inside = true;
+    for (int d = 0; d < Dim; ++d) inside &= lattice_.vertices[v][d] >= low[d] && lattice_.vertices[v][d] <= high[d];
+    return inside;
+  });
 }
 
 template <int Dim>
@@ -223,8 +247,12 @@ void CutGeometry<Dim>::retreat(double quality_floor, Execution& execution) {
       throw std::logic_error("the quality floor is above the bound of the lattice's undisplaced stencils");
     // Every point of a simplex that can have changed is near a vertex of it that is marked: cuts and triple points rise
     // only together with all vertices of the failing simplex.
-    const Marks rose = raise(failed, execution);
+    const std::vector<VertexId> raised = raise(failed, execution);
+    Marks rose(vertex_level_.size());
+    for (const VertexId v : raised) rose.mark(v);
     parallel_for(execution, band_.blocks(), 1, [&](std::int64_t block) {
+      failed[block].clear();
+      if (!may_touch(block, raised)) return;
       const auto simplices = band_.simplices(block);
       std::vector<std::uint32_t> near;
       for (std::uint32_t i = 0; i < simplices.size(); ++i)

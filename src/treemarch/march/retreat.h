@@ -12,7 +12,6 @@
 #include "treemarch/march/band.h"
 #include "treemarch/march/snap.h"
 #include "treemarch/march/stencil.h"
-#include "treemarch/mesh/marks.h"
 #include "treemarch/tessellate/body_centred.h"
 
 namespace treemarch {
@@ -77,8 +76,10 @@ class CutGeometry {
   template <class Chosen>
   std::vector<std::uint32_t> settle_block(std::int64_t block, Chosen&& chosen, bool inner);
   void place_vertex(VertexId v);
-  /// Raises the points of the simplices that failed, per block. \return all vertices of these
-  Marks raise(const std::vector<std::vector<std::uint32_t>>& failed, Execution& execution);
+  /// Raises the points of the simplices that failed, per block. \return all vertices of these, ascending
+  std::vector<VertexId> raise(const std::vector<std::vector<std::uint32_t>>& failed, Execution& execution);
+  /// Whether a block of leaves may have simplices at one of a few vertices; true if there are many.
+  [[nodiscard]] bool may_touch(std::int64_t block, std::span<const VertexId> vertices) const;
   [[nodiscard]] std::int64_t find_triple(Triangle triangle) const;
   /// Calls f(level) for each point of a stencil that can retreat.
   template <class F>
