@@ -38,7 +38,7 @@ template <int Dim>
 struct Cell {
   static constexpr int kCorners = 1 << Dim;
   std::uint64_t ref;        ///< of the brick that holds the cell; the rest is for bricks that are not uniform
-  int place;                ///< of the cell's first voxel in the brick
+  int place = 0;            ///< of the cell's first voxel in the brick
   double weight[kCorners];  ///< of each voxel, first axis fastest
 
   static constexpr std::array<int, kCorners> kOffset = [] {

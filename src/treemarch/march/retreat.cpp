@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <ranges>
+#include <numeric>
 #include <stdexcept>
 #include <tuple>
 
@@ -170,8 +170,8 @@ bool CutGeometry<Dim>::settle(const Simplex& simplex, unsigned cuts, bool inner,
 }
 
 template <int Dim>
-template <class Chosen>
-std::vector<std::uint32_t> CutGeometry<Dim>::settle_block(std::int64_t block, Chosen&& chosen, bool inner) {
+std::vector<std::uint32_t> CutGeometry<Dim>::settle_block(std::int64_t block, std::span<const std::uint32_t> chosen,
+                                                          bool inner) {
   std::vector<std::uint32_t> failed;
   const auto simplices = band_.simplices(block);
   const auto cuts = band_.cuts(block);
@@ -239,8 +239,9 @@ void CutGeometry<Dim>::retreat(double quality_floor, Execution& execution) {
   split_ = filled(execution, band_.size(), SplitRecord());
   std::vector<std::vector<std::uint32_t>> failed(band_.blocks());
   parallel_for(execution, band_.blocks(), 1, [&](std::int64_t block) {
-    const auto n = static_cast<std::uint32_t>(band_.simplices(block).size());
-    failed[block] = settle_block(block, std::views::iota(std::uint32_t{0}, n), false);
+    std::vector<std::uint32_t> all(band_.simplices(block).size());
+    std::iota(all.begin(), all.end(), 0U);
+    failed[block] = settle_block(block, all, false);
   });
   for (rounds = 0; std::ranges::any_of(failed, [](const auto& some) { return !some.empty(); }); ++rounds) {
     if (rounds == kMostRounds)

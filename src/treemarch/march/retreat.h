@@ -73,8 +73,7 @@ class CutGeometry {
   /// Chooses how to split a simplex. \return whether the choice meets the floor.
   bool settle(const Simplex& simplex, unsigned cuts, bool inner, SplitRecord& split) const;
   /// Settles simplices of a block. \return those that fail, whose points are marked to rise
-  template <class Chosen>
-  std::vector<std::uint32_t> settle_block(std::int64_t block, Chosen&& chosen, bool inner);
+  std::vector<std::uint32_t> settle_block(std::int64_t block, std::span<const std::uint32_t> chosen, bool inner);
   void place_vertex(VertexId v);
   /// Raises the points of the simplices that failed, per block. \return all vertices of these, ascending
   std::vector<VertexId> raise(const std::vector<std::vector<std::uint32_t>>& failed, Execution& execution);

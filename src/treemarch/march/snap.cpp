@@ -269,7 +269,7 @@ bool Snapper<Dim>::propose(EndId end, Move& move) const {
 }  // namespace
 
 template <int Dim>
-SnappedLattice<Dim> snap_vertices(const SimplexLattice<Dim>& lattice, VertexLabels labels, const Field<Dim>& field,
+SnappedLattice<Dim> snap_vertices(const SimplexLattice<Dim>& lattice, VertexLabels&& labels, const Field<Dim>& field,
                                   const SnapOptions& options, Execution& execution) {
   SnappedLattice<Dim> state;
   state.labels = std::move(labels);
@@ -283,9 +283,9 @@ SnappedLattice<Dim> snap_vertices(const SimplexLattice<Dim>& lattice, VertexLabe
   return state;
 }
 
-template SnappedLattice<2> snap_vertices(const SimplexLattice<2>&, VertexLabels, const Field<2>&, const SnapOptions&,
+template SnappedLattice<2> snap_vertices(const SimplexLattice<2>&, VertexLabels&&, const Field<2>&, const SnapOptions&,
                                          Execution&);
-template SnappedLattice<3> snap_vertices(const SimplexLattice<3>&, VertexLabels, const Field<3>&, const SnapOptions&,
+template SnappedLattice<3> snap_vertices(const SimplexLattice<3>&, VertexLabels&&, const Field<3>&, const SnapOptions&,
                                          Execution&);
 
 }  // namespace treemarch

@@ -39,7 +39,7 @@ struct SnappedLattice {
 
 /// Jacobi rounds, so that the result depends on no order. Vertices on the hull stay within their face, edge or corner.
 template <int Dim>
-SnappedLattice<Dim> snap_vertices(const SimplexLattice<Dim>& lattice, VertexLabels labels, const Field<Dim>& field,
+SnappedLattice<Dim> snap_vertices(const SimplexLattice<Dim>& lattice, VertexLabels&& labels, const Field<Dim>& field,
                                   const SnapOptions& options, Execution& execution);
 
 }  // namespace treemarch
