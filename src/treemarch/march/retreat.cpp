@@ -236,7 +236,7 @@ void CutGeometry<Dim>::retreat(double quality_floor, Execution& execution) {
   constexpr double kSure = 1e-6;     // degrees above the floor, more than rounding can make
   floor_ = QualityBound(quality_floor);
   sure_ = SquaredQualityBound(QualityBound(quality_floor + kSure));
-  split_ = filled(execution, band_.size(), SplitRecord());
+  split_ = filled(execution, band_.size(), SplitRecord{});
   std::vector<std::vector<std::uint32_t>> failed(band_.blocks());
   parallel_for(execution, band_.blocks(), 1, [&](std::int64_t block) {
     std::vector<std::uint32_t> all(band_.simplices(block).size());

@@ -18,8 +18,8 @@ namespace treemarch {
 
 /// How a simplex is split: the pattern of its cuts and diagonals, and which choice of that stencil.
 struct SplitRecord {
-  std::uint16_t pattern : 10 = 0;  ///< 0: whole
-  std::uint16_t choice : 6 = 0;
+  std::uint16_t pattern : 10;  ///< 0: whole
+  std::uint16_t choice : 6;
 };
 static_assert(sizeof(SplitRecord) == 2);
 

@@ -89,8 +89,8 @@ class Snapper {
   SnappedLattice<Dim>& state_;
   /// Of an end with a single label, where it was: the weight of this and the next largest one.
   struct Weights {
-    float own = 0, next = 0;
-    MaterialId next_material = kOutside;
+    float own, next;
+    MaterialId next_material;
   };
   // Of the ends of edges:
   RawVector<Weights> weights_;
@@ -104,7 +104,7 @@ template <int Dim>
 void Snapper<Dim>::weigh_ends() {
   parallel_for(execution_, std::ssize(weights_), kGrain, [&](std::int64_t k) {
     const VertexId v = state_.edges.vertex[k];
-    weights_[k] = {};
+    weights_[k] = {0, 0, kOutside};
     if (!state_.labels.single(v)) return;
     std::array<LabelWeight, 2> most;
     const int count = field_.sample(lattice_.point(v), most);
