@@ -1,5 +1,5 @@
 /// \file
-/// Points that must stay in cells of their material while vertices move.
+/// Points that must stay in cells of their material, or out of them, while vertices move.
 #pragma once
 
 #include <algorithm>
@@ -10,11 +10,12 @@
 
 namespace treemarch {
 
-/// The centre of a voxel that stands for a component of the image: as long as it lies in cells of its material, the
-/// component is not lost.
+/// The centre of a voxel. One that stands for a component of the image stays inside: as long as it lies in cells of its
+/// material, the component is not lost.
 struct Anchor {
   Vec<3> point{};  ///< inner frame, z = 0 in 2D
   MaterialId material = 0;
+  bool inside = true;  ///< false: a move must not bring cells of the material to it
 };
 
 /// \param voxel its linear index

@@ -1,7 +1,9 @@
 #include "treemarch/improve/patch.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
+#include <cmath>
 
 #include "treemarch/core/parallel.h"
 #include "treemarch/mesh/marks.h"
@@ -211,11 +213,23 @@ std::vector<CellId> Patch<Dim>::written() const {
 template <int Dim>
 template <class F>
 bool Patch<Dim>::any_anchor_in(const Vec<Dim>& low, const Vec<Dim>& high, F&& f) const {
-  auto a = std::ranges::lower_bound(anchors_, low[0], {}, [](const Anchor& anchor) { return anchor.point[0]; });
-  for (; a != anchors_.end() && a->point[0] <= high[0]; ++a) {
-    bool inside = true;
-    for (int d = 1; d < Dim; ++d) inside = inside && low[d] <= a->point[d] && a->point[d] <= high[d];
-    if (inside && f(*a)) return true;
+  const auto first_from = [&](double x, double y) {
+    const auto before = [](const Anchor& a, const std::array<double, 2>& xy) {
+      return a.point[0] != xy[0] ? a.point[0] < xy[0] : a.point[1] < xy[1];
+    };
+    return std::lower_bound(anchors_.begin(), anchors_.end(), std::array{x, y}, before);
+  };
+  // Anchors are centres of voxels: many have the same first coordinate.
+  auto a = first_from(low[0], low[1]);
+  while (a != anchors_.end() && a->point[0] <= high[0]) {
+    if (a->point[1] < low[1]) {
+      a = first_from(a->point[0], low[1]);
+    } else if (a->point[1] > high[1]) {
+      a = first_from(std::nextafter(a->point[0], high[0] + 1), low[1]);
+    } else {
+      if ((Dim == 2 || (low[Dim - 1] <= a->point[Dim - 1] && a->point[Dim - 1] <= high[Dim - 1])) && f(*a)) return true;
+      ++a;
+    }
   }
   return false;
 }
@@ -249,7 +263,8 @@ bool Patch<Dim>::keeps_anchors(VertexId v, const Vec<Dim>& x) const {
   return !any_anchor_in(low, high, [&](const Anchor& anchor) {
     Vec<Dim> p;
     std::copy_n(anchor.point.begin(), Dim, p.begin());
-    return contained(p, anchor.material, point(v)) && !contained(p, anchor.material, x);
+    return contained(p, anchor.material, point(v)) == anchor.inside &&
+           contained(p, anchor.material, x) != anchor.inside;
   });
 }
 

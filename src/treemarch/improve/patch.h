@@ -79,11 +79,12 @@ class Patch {
   /// Cells that contain all the given vertices. \pre has_star(vertices[0])
   [[nodiscard]] std::vector<CellId> cells_around(std::span<const VertexId> vertices) const;
 
-  /// Moves shall keep these. \param anchors by the first coordinate, ascending; outlive the object
+  /// Moves shall keep these. \param anchors by their points, ascending; outlive the object
   void guard(std::span<const Anchor> anchors) { anchors_ = anchors; }
   /// Whether there may be anchors in a box.
   [[nodiscard]] bool has_anchors(const Vec<Dim>& low, const Vec<Dim>& high) const;
-  /// Whether the anchors that lie in cells of their material around a vertex would still do so with the vertex at x.
+  /// Whether the anchors that lie in cells of their material around a vertex, or are not to, would still do so with the
+  /// vertex at x.
   /// \pre has_star(v)
   [[nodiscard]] bool keeps_anchors(VertexId v, const Vec<Dim>& x) const;
 

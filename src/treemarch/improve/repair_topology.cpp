@@ -6,6 +6,7 @@
 
 #include "treemarch/core/parallel.h"
 #include "treemarch/improve/bridge.h"
+#include "treemarch/improve/keep_components.h"
 #include "treemarch/improve/neighbourhood.h"
 #include "treemarch/improve/patch.h"
 #include "treemarch/improve/strays.h"
@@ -60,13 +61,13 @@ class Repairer {
       add_cells_of_lost(fates.of);
       const BrokenComponents<Dim> broken =
           find_broken(image_, map_, required_, mesh_, components, fates, options_.left_out, execution_);
-      SmallPieces small = find_small_pieces<Dim>(image_, map_, required_, mesh_, components, execution_);
-      report_.anchors = std::move(small.anchors);
+      const std::vector<Stray> strays = find_strays(image_, mesh_, components, execution_);
+      report_.anchors = keep_apart(image_, map_, fates, mesh_, components, execution_);
+      add_anchors(keep_small<Dim>(image_, map_, required_, mesh_, components, execution_));
       add_anchors(restored_);
-      if ((pinches.empty() && broken.empty() && small.strays.empty()) || report_.rounds == options_.rounds)
-        return report_;
+      if ((pinches.empty() && broken.empty() && strays.empty()) || report_.rounds == options_.rounds) return report_;
       ++report_.rounds;
-      if (!mend(broken, small.strays, components)) return report_;
+      if (!mend(broken, strays, components)) return report_;
     }
   }
 

@@ -30,8 +30,8 @@ struct RepairReport {
   std::int64_t restored = 0;                           ///< components that had no cell
   std::int64_t bridged = 0;                            ///< parts of components that were joined to the rest
   std::int64_t relabelled_cells = 0;
-  /// Of the components that must survive and have no vertex inside: later moves shall keep them. By the first
-  /// coordinate, ascending.
+  /// Of the components that must survive and have no vertex inside, and between the parts of one material: later moves
+  /// shall keep them. By their points, ascending.
   std::vector<Anchor> anchors;
 };
 

@@ -13,32 +13,22 @@
 namespace treemarch {
 namespace {
 
-/// A voxel in a cell of its material.
-struct Hit {
-  std::uint32_t component;  // of the image
-  double depth;
-  std::int64_t voxel;
-};
-
-/// The voxels in some cells of one component, the deepest of each component of the image first.
+/// Whether some cells of one component contain the centre of a voxel of their label.
 template <int Dim>
-std::vector<Hit> hits_in(const LabelImage<Dim>& image, const ComponentMap& map, const Mesh<Dim>& mesh,
-                         std::span<const CellId> cells) {
+bool hold_voxels(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, std::span<const CellId> cells) {
   const CellBlock& block = mesh.blocks[0];
   const MaterialId material = block.materials[cells[0]];
   const VoxelCentres<Dim> centres(image);
-  std::vector<Hit> hits;
-  for (const CellId c : cells)
+  bool any = false;
+  for (const CellId c : cells) {
     for_each_simplex(mesh, block, c, [&](const Simplex<Dim>& simplex) {
-      const Barycentric<Dim> barycentric(simplex);
       centres.visit(
-          simplex, [&](std::int64_t v) { return image.voxels[v] == material; },
-          [&](std::int64_t v) {
-            hits.push_back({map.of(v), barycentric.depth(image.centre(coord_of(v, image.extent))), v});
-          });
+          simplex, [&](std::int64_t v) { return !any && image.voxels[v] == material; },
+          [&](std::int64_t) { any = true; });
     });
-  std::ranges::sort(hits, {}, [](const Hit& h) { return std::tuple(h.component, -h.depth, h.voxel); });
-  return hits;
+    if (any) return true;
+  }
+  return false;
 }
 
 /// A material beside some cells.
@@ -71,29 +61,22 @@ std::vector<Beside> materials_beside(std::span<const CellId> cells, const MeshCo
 }  // namespace
 
 template <int Dim>
-SmallPieces find_small_pieces(const LabelImage<Dim>& image, const ComponentMap& map,
-                              std::span<const std::uint8_t> required, const Mesh<Dim>& mesh,
-                              const MeshComponents<Dim>& components, const Execution& execution) {
+std::vector<Stray> find_strays(const LabelImage<Dim>& image, const Mesh<Dim>& mesh,
+                               const MeshComponents<Dim>& components, const Execution& execution) {
   const Marks with_inner_vertex = components.with_inner_vertex(execution);
   std::vector<std::pair<std::uint32_t, CellId>> all;  // component and cell
   for (const auto& [b, cell] : components.cells_at_borders())
     if (const std::uint32_t component = components.of(b, cell); b == 0 && !with_inner_vertex[component])
       all.emplace_back(component, static_cast<CellId>(cell));
   std::ranges::sort(all);
-  SmallPieces pieces;
+  std::vector<Stray> strays;
   for (std::size_t i = 0; i < all.size();) {
     Stray piece;
     const std::uint32_t component = all[i].first;
     for (; i < all.size() && all[i].first == component; ++i) piece.cells.push_back(all[i].second);
-    const std::vector<Hit> hits = hits_in<Dim>(image, map, mesh, piece.cells);
-    for (std::size_t h = 0; h < hits.size(); ++h) {
-      if (required[hits[h].component] == 0 || (h > 0 && hits[h].component == hits[h - 1].component)) continue;
-      pieces.anchors.push_back(anchor_at(image, hits[h].voxel));
-    }
-    if (hits.empty()) pieces.strays.push_back(std::move(piece));
+    if (!hold_voxels<Dim>(image, mesh, piece.cells)) strays.push_back(std::move(piece));
   }
-  std::ranges::sort(pieces.anchors, {}, &Anchor::point);
-  return pieces;
+  return strays;
 }
 
 template <int Dim>
@@ -130,10 +113,10 @@ std::vector<CellId> relabel_strays(const std::vector<Stray>& strays, const MeshC
   return changed;
 }
 
-#define TREEMARCH_INSTANTIATE(DIM)                                                                                   \
-  template SmallPieces find_small_pieces(const LabelImage<DIM>&, const ComponentMap&, std::span<const std::uint8_t>, \
-                                         const Mesh<DIM>&, const MeshComponents<DIM>&, const Execution&);            \
-  template std::vector<CellId> relabel_strays(const std::vector<Stray>&, const MeshComponents<DIM>&, MaterialId,     \
+#define TREEMARCH_INSTANTIATE(DIM)                                                                               \
+  template std::vector<Stray> find_strays(const LabelImage<DIM>&, const Mesh<DIM>&, const MeshComponents<DIM>&,  \
+                                          const Execution&);                                                     \
+  template std::vector<CellId> relabel_strays(const std::vector<Stray>&, const MeshComponents<DIM>&, MaterialId, \
                                               Patch<DIM>&);
 TREEMARCH_INSTANTIATE(2)
 TREEMARCH_INSTANTIATE(3)

@@ -8,9 +8,7 @@
 
 #include "treemarch/core/execution.h"
 #include "treemarch/image/label_image.h"
-#include "treemarch/improve/anchors.h"
 #include "treemarch/improve/patch.h"
-#include "treemarch/topology/image_components.h"
 #include "treemarch/topology/mesh_components.h"
 
 namespace treemarch {
@@ -20,22 +18,11 @@ struct Stray {
   std::vector<CellId> cells;  ///< ascending
 };
 
-/// The components of a mesh without a vertex inside.
-struct SmallPieces {
-  /// Those without a voxel, by their first cells. Moved a little they would hold one, and be parts of a component that
-  /// is elsewhere.
-  std::vector<Stray> strays;
-  /// For each component of the image in the others the centre of the voxel that is deepest in a cell. Moved a little
-  /// they could lose all of them. Ascending by the first coordinate.
-  std::vector<Anchor> anchors;
-};
-
-/// \param required one a component of the image: whether it gets an anchor
-/// \pre as for repair_topology(); the components are those of the mesh and of the image
+/// By their first cells. Moved a little they would hold a voxel, and be parts of a component that is elsewhere.
+/// \pre as for repair_topology(); the components are those of the mesh
 template <int Dim>
-SmallPieces find_small_pieces(const LabelImage<Dim>& image, const ComponentMap& map,
-                              std::span<const std::uint8_t> required, const Mesh<Dim>& mesh,
-                              const MeshComponents<Dim>& components, const Execution& execution);
+std::vector<Stray> find_strays(const LabelImage<Dim>& image, const Mesh<Dim>& mesh,
+                               const MeshComponents<Dim>& components, const Execution& execution);
 
 /// Gives each of them to the material beside it with the largest area of facets, first to those that it does not join
 /// to other components, unless that makes more vertices where boundaries are no manifolds. \param components before

@@ -1,0 +1,160 @@
+#include "treemarch/improve/keep_components.h"
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+#include "treemarch/core/parallel.h"
+#include "treemarch/image/uniform_blocks.h"
+#include "treemarch/topology/simplices.h"
+#include "treemarch/topology/voxel_centres.h"
+
+namespace treemarch {
+namespace {
+
+constexpr std::int64_t kCellsPerTask = 256;
+constexpr double kReach = 2;            // voxels around a cell
+constexpr std::int64_t kFewCells = 64;  // that a small component would fill if all cells were as large
+
+/// The voxels whose centres are within kReach voxels of the box around a cell.
+template <int Dim>
+VoxelBox<Dim> voxels_near(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, const VertexId* cell, int corners) {
+  VoxelBox<Dim> box;
+  for (int d = 0; d < Dim; ++d) {
+    double low = mesh.points[cell[0]][d], high = low;
+    for (int k = 1; k < corners; ++k) {
+      low = std::min(low, mesh.points[cell[k]][d]);
+      high = std::max(high, mesh.points[cell[k]][d]);
+    }
+    const double h = image.frame.spacing[d], last = image.extent[d];
+    box.begin[d] = static_cast<std::int32_t>(std::clamp(std::floor(low / h - kReach), 0.0, last));
+    box.end[d] = static_cast<std::int32_t>(std::clamp(std::ceil(high / h + kReach), 0.0, last));
+  }
+  return box;
+}
+
+/// Adds a voxel, and those of its material around it that belong to other components of the image.
+template <int Dim>
+void add_with_neighbours(const LabelImage<Dim>& image, const ComponentMap& map, std::int64_t voxel,
+                         std::vector<std::int64_t>& found) {
+  found.push_back(voxel);
+  const Coord<Dim> at = coord_of(voxel, image.extent);
+  VoxelBox<Dim> around;
+  for (int d = 0; d < Dim; ++d) {
+    around.begin[d] = std::max(0, at[d] - 1);
+    around.end[d] = std::min(image.extent[d], at[d] + 2);
+  }
+  const std::uint32_t component = map.of(voxel);
+  for_each_row(around, image.extent, [&](const Coord<Dim>& c, std::int64_t first) {
+    for (std::int64_t v = first; v < first + around.end[0] - c[0]; ++v)
+      if (image.voxels[v] == image.voxels[voxel] && map.of(v) != component) found.push_back(v);
+  });
+}
+
+/// A voxel in a cell of its material.
+struct Hit {
+  std::uint32_t component;  // of the image
+  double depth;
+  std::int64_t voxel;
+};
+
+}  // namespace
+
+template <int Dim>
+std::vector<Anchor> keep_small(const LabelImage<Dim>& image, const ComponentMap& map,
+                               std::span<const std::uint8_t> required, const Mesh<Dim>& mesh,
+                               const MeshComponents<Dim>& components, const Execution& execution) {
+  const std::int64_t few_voxels = kFewCells * product(image.extent) / std::max<std::int64_t>(1, mesh.cell_count());
+  std::vector<std::uint8_t> small(required.begin(), required.end()), has_small(image.labels.size());
+  for (std::size_t c = 0; c < small.size(); ++c) {
+    if (map.components[c].voxels > few_voxels) small[c] = 0;
+    has_small[map.components[c].material] |= small[c];
+  }
+  const Marks voxels = map.voxels_of([&](std::uint32_t c) { return small[c] != 0; });
+  const VoxelCentres<Dim> centres(image);
+  const std::vector<CellPlace>& cells = components.cells_at_borders();
+  std::vector<std::vector<Hit>> found(static_cast<std::size_t>(block_count(std::ssize(cells), kCellsPerTask)));
+  const auto look = [&](const CellPlace& place, std::vector<Hit>& hits) {
+    const CellBlock& block = mesh.blocks[place.block];
+    const MaterialId material = block.materials[static_cast<std::size_t>(place.cell)];
+    if (has_small[material] == 0) return;
+    for_each_simplex(mesh, block, place.cell, [&](const Simplex<Dim>& simplex) {
+      centres.visit(
+          simplex, [&](std::int64_t v) { return voxels[static_cast<std::size_t>(v)] && image.voxels[v] == material; },
+          [&](std::int64_t v) {
+            const double depth = Barycentric<Dim>(simplex).depth(image.centre(coord_of(v, image.extent)));
+            hits.push_back({map.of(v), depth, v});
+          });
+    });
+  };
+  parallel_for(execution, std::ssize(found), 1, [&](std::int64_t task) {
+    const std::int64_t begin = task * kCellsPerTask, end = std::min(std::ssize(cells), begin + kCellsPerTask);
+    for (std::int64_t i = begin; i < end; ++i)
+      look(cells[static_cast<std::size_t>(i)], found[static_cast<std::size_t>(task)]);
+  });
+  std::vector<Hit> hits;
+  for (const auto& some : found) hits.insert(hits.end(), some.begin(), some.end());
+  std::ranges::sort(hits, {}, [](const Hit& h) { return std::tuple(h.component, -h.depth, h.voxel); });
+  std::vector<Anchor> anchors;
+  for (std::size_t h = 0; h < hits.size(); ++h)
+    if (h == 0 || hits[h].component != hits[h - 1].component) anchors.push_back(anchor_at(image, hits[h].voxel));
+  return anchors;
+}
+
+template <int Dim>
+std::vector<Anchor> keep_apart(const LabelImage<Dim>& image, const ComponentMap& map, const ComponentFates& fates,
+                               const Mesh<Dim>& mesh, const MeshComponents<Dim>& components,
+                               const Execution& execution) {
+  const std::vector<CellPlace>& cells = fates.elsewhere;
+  std::vector<std::vector<std::int64_t>> found(static_cast<std::size_t>(block_count(std::ssize(cells), kCellsPerTask)));
+  const auto look = [&](const CellPlace& place, std::vector<std::int64_t>& voxels) {
+    const CellBlock& block = mesh.blocks[place.block];
+    const VertexId* v = block.cell(place.cell);
+    const int corners = vertex_count(block.type);
+    if (std::all_of(v, v + corners, [&](VertexId x) { return components.is_inner(x); })) return;
+    const MaterialId material = block.materials[static_cast<std::size_t>(place.cell)];
+    const std::uint32_t part = components.of(place.block, place.cell);
+    const auto is_of_another = [&](std::int64_t voxel) {
+      const ComponentFate& fate = fates.of[map.of(voxel)];
+      return !fate.lost() && (part < fate.first || part > fate.last);
+    };
+    const VoxelBox<Dim> box = voxels_near(image, mesh, v, corners);
+    for_each_row(box, image.extent, [&](const Coord<Dim>& c, std::int64_t first) {
+      bool is_other = false;  // as long as the material stays, the component does
+      for (std::int64_t x = first, end = first + box.end[0] - c[0]; x < end; ++x) {
+        if (image.voxels[x] != material) continue;
+        if (x == first || image.voxels[x - 1] != material) is_other = is_of_another(x);
+        if (is_other) add_with_neighbours(image, map, x, voxels);
+      }
+    });
+  };
+  parallel_for(execution, std::ssize(found), 1, [&](std::int64_t task) {
+    std::vector<std::int64_t>& voxels = found[static_cast<std::size_t>(task)];
+    for (std::int64_t i = task * kCellsPerTask; i < std::min(std::ssize(cells), (task + 1) * kCellsPerTask); ++i)
+      look(cells[static_cast<std::size_t>(i)], voxels);
+    std::ranges::sort(voxels);
+    voxels.erase(std::unique(voxels.begin(), voxels.end()), voxels.end());
+  });
+  std::vector<std::int64_t> all;
+  for (const auto& some : found) all.insert(all.end(), some.begin(), some.end());
+  std::ranges::sort(all);
+  all.erase(std::unique(all.begin(), all.end()), all.end());
+  std::vector<Anchor> anchors;
+  anchors.reserve(all.size());
+  for (const std::int64_t voxel : all) {
+    anchors.push_back(anchor_at(image, voxel));
+    anchors.back().inside = false;
+  }
+  return anchors;
+}
+
+#define TREEMARCH_INSTANTIATE(DIM)                                                                                    \
+  template std::vector<Anchor> keep_small(const LabelImage<DIM>&, const ComponentMap&, std::span<const std::uint8_t>, \
+                                          const Mesh<DIM>&, const MeshComponents<DIM>&, const Execution&);            \
+  template std::vector<Anchor> keep_apart(const LabelImage<DIM>&, const ComponentMap&, const ComponentFates&,         \
+                                          const Mesh<DIM>&, const MeshComponents<DIM>&, const Execution&);
+TREEMARCH_INSTANTIATE(2)
+TREEMARCH_INSTANTIATE(3)
+#undef TREEMARCH_INSTANTIATE
+
+}  // namespace treemarch
