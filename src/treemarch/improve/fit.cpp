@@ -23,12 +23,13 @@ namespace {
 
 constexpr std::int64_t kBlock = 1024;
 constexpr int kMostParts = 6;  // samples along an edge
-constexpr int kRounds = 2, kSweeps = 2;
+constexpr int kRounds = 2;
 constexpr double kStiffness = 0.02;  // of a vertex against moves that its facets do not ask for
 // In voxels:
 constexpr double kFine = 1.25;                 // shorter facets are true to the field if their corners are
-constexpr double kSmooth = 1.2, kSharp = 4.5;  // facets up to the first follow the field, from the second on the voxels
+constexpr double kSmooth = 1.2, kSharp = 4.2;  // facets up to the first follow the field, from the second on the voxels
 constexpr double kLeast = 0.07;                // shorter moves are left out
+constexpr double kMost = 0.7;                    // longer ones are along facets that hardly ask for them
 template <int Dim>
 constexpr double kPart = Dim == 2 ? 1 : 1.4;  // between samples, up to kMostParts of them
 
@@ -123,8 +124,7 @@ class Fitter {
     for (int round = 0; round < kRounds; ++round) {
       measure();
       if (round == 0) report_.rms_before = rms();
-      for (int s = 0; s < kSweeps; ++s)
-        report_.moves += sweep(turns, restless(), execution_, [&](std::uint32_t i) { return move(patch, i); });
+      report_.moves += sweep(turns, execution_, [&](std::uint32_t i) { return move(patch, i); });
     }
     report_.rms_after = rms();
     return report_;
@@ -150,7 +150,6 @@ class Fitter {
   bool to_field(const Shape<Dim>& f, const Vec<Dim>& x, double& t) const;
   bool to_voxels(const Shape<Dim>& f, const Vec<Dim>& x, double& t) const;
   [[nodiscard]] Vec<Dim> wish_of(std::int64_t place) const;
-  [[nodiscard]] std::vector<std::uint8_t> restless() const;
   bool move(Patch<Dim>& patch, std::uint32_t place);
 
   Mesh<Dim>& mesh_;
@@ -499,16 +498,10 @@ Vec<Dim> Fitter<Dim>::wish_of(std::int64_t place) const {
     matrix[a][a] = 1;
     wish[a] = 0;
   }
-  return solve_definite<Dim>(matrix, wish);
-}
-
-/// Which of the chosen vertices want to move, in the order by place.
-template <int Dim>
-std::vector<std::uint8_t> Fitter<Dim>::restless() const {
-  std::vector<std::uint8_t> wants(order_.size());
-  parallel_for(execution_, std::ssize(order_), kBlock,
-               [&](std::int64_t i) { wants[i] = squared_norm(wish_of(i)) > kLeast * kLeast * voxel_ * voxel_; });
-  return wants;
+  wish = solve_definite<Dim>(matrix, wish);
+  const double length = norm(wish);
+  if (length > kMost * largest_voxel_) wish = (kMost * largest_voxel_ / length) * wish;
+  return wish;
 }
 
 template <int Dim>

@@ -17,7 +17,7 @@ namespace treemarch {
 struct FitOptions {
   double quality = 20;  ///< in degrees (mesh/simplex_quality.h): cells around a vertex that moves have it; 0: no moves
   MaterialId outside = kOutside;    ///< the material that was left out of the mesh, if any
-  std::span<const Anchor> anchors;  ///< that moves shall keep, by the first coordinate
+  std::span<const Anchor> anchors;  ///< that moves shall keep, by their points
 };
 
 struct FitReport {
@@ -31,9 +31,9 @@ struct FitReport {
 /// Moves the vertices of interfaces such that the facets around them have the least squared distance from the interface
 /// of the image, measured all over the facets: a flat facet with its corners on a curved interface lies on one side of
 /// it. Small facets follow the field, facets of several voxels the voxels themselves. Vertices
-/// with small facets, 1.4 voxels on average, are left alone. Vertices on the box stay on their sides of it; nothing but
-/// positions changes. The same result for any number of threads. \param box the upper corner of the image's box, the
-/// lower one is 0. \pre as for improve(): simplices come first and are positive.
+/// with small facets, 1.25 voxels on average, are left alone. Vertices on the box stay on their sides of it; nothing
+/// but positions changes. The same result for any number of threads. \param box the upper corner of the image's box,
+/// the lower one is 0. \pre as for improve(): simplices come first and are positive.
 template <int Dim>
 FitReport fit_interfaces(Mesh<Dim>& mesh, const Field<Dim>& field, const Vec<Dim>& box, const FitOptions& options,
                          Execution& execution);

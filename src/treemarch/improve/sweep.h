@@ -75,17 +75,16 @@ class Turns {
   std::vector<std::vector<std::uint32_t>> before_;  // by tasks
 };
 
-/// Moves each candidate once, neighbours never at the same time: a vertex moves when none around it that comes before
+/// Moves each vertex once, neighbours never at the same time: a vertex moves when none around it that comes before
 /// it still waits. The same result for any number of threads: whenever a vertex has its turn, those before it have
 /// moved and those after it have not. A task goes over its vertices, whose surroundings stay in the cache, and again
 /// while those of other tasks hold some of them up.
-/// \param is_candidate one a vertex of `turns`. \param move bool(std::uint32_t i): moves a vertex, given by its place
-/// in the list, or not, and says so; called from many threads, and may read what lies in the cells around it only.
+/// \param move bool(std::uint32_t i): moves a vertex, given by its place in the list, or not, and says so; called from
+/// many threads, and may read what lies in the cells around it only.
 /// \return number of vertices that moved. \pre the cells are those that `turns` saw
 template <class Move>
-std::int64_t sweep(const Turns& turns, std::span<const std::uint8_t> is_candidate, const Execution& execution,
-                   const Move& move) {
-  std::vector<std::uint8_t> waits(is_candidate.begin(), is_candidate.end());
+std::int64_t sweep(const Turns& turns, const Execution& execution, const Move& move) {
+  std::vector<std::uint8_t> waits(turns.size(), 1);
   struct Task {
     std::int64_t number, moved = 0;
     bool begun = false;
@@ -102,9 +101,7 @@ std::int64_t sweep(const Turns& turns, std::span<const std::uint8_t> is_candidat
   while (!tasks.empty()) {
     parallel_for(execution, std::ssize(tasks), 1, [&](std::int64_t t) {
       Task& task = tasks[t];
-      if (!task.begun)
-        std::ranges::copy_if(turns.of_task(task.number), std::back_inserter(task.waiting),
-                             [&](std::uint32_t i) { return is_candidate[i] != 0; });
+      if (!task.begun) std::ranges::copy(turns.of_task(task.number), std::back_inserter(task.waiting));
       task.begun = true;
       std::erase_if(task.waiting, [&](std::uint32_t i) {
         if (!has_turn(i)) return false;
@@ -140,8 +137,7 @@ Turns turns_of(const Patch<Dim>& patch, const std::vector<VertexId>& candidates,
 /// patch refuses are left out.
 template <int Dim, class FindPlace>
 std::int64_t sweep(Patch<Dim>& patch, const Turns& turns, const Execution& execution, const FindPlace& find_place) {
-  const std::vector<std::uint8_t> all(turns.size(), 1);
-  return sweep(turns, all, execution, [&](std::uint32_t i) {
+  return sweep(turns, execution, [&](std::uint32_t i) {
     const VertexId v = turns.vertex(i);
     Vec<Dim> x;
     if (!find_place(v, x) || !patch.keeps_anchors(v, x)) return false;
