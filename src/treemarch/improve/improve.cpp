@@ -86,7 +86,8 @@ class Improver {
   std::vector<VertexId> move_vertices(const std::vector<VertexId>& off);
   void lift(Patch<Dim>& patch, const std::vector<Vec<Dim>>& start);
   void remesh(std::vector<VertexId> around);
-  void pull(Patch<Dim>& patch, const std::vector<Vec<Dim>>& start, const std::vector<VertexId>& off);
+  void pull(Patch<Dim>& patch, const std::vector<Vec<Dim>>& start, std::vector<VertexId> off);
+  [[nodiscard]] double mean_edge(const Patch<Dim>& patch, VertexId v) const;
   Vec<Dim> start_of(VertexId v) const {
     const auto at = std::ranges::lower_bound(start_, v, {}, &std::pair<VertexId, Vec<Dim>>::first);
     return at != start_.end() && at->first == v ? at->second : mesh_.points[v];
@@ -250,9 +251,20 @@ void Improver<Dim>::remesh(std::vector<VertexId> around) {
   }
 }
 
+/// Of the edges at a vertex, each as often as it has cells.
+template <int Dim>
+double Improver<Dim>::mean_edge(const Patch<Dim>& patch, VertexId v) const {
+  double sum = 0;
+  for (const CellId c : patch.star(v))
+    for (const VertexId w : patch.cell(c)) sum += norm(patch.point(w) - patch.point(v));
+  return sum / (static_cast<double>(patch.star(v).size()) * Dim);
+}
+
 /// Brings vertices back to their interface, never at the price of the target.
 template <int Dim>
-void Improver<Dim>::pull(Patch<Dim>& patch, const std::vector<Vec<Dim>>& start, const std::vector<VertexId>& off) {
+void Improver<Dim>::pull(Patch<Dim>& patch, const std::vector<Vec<Dim>>& start, std::vector<VertexId> off) {
+  if (options_.longest_pulled > 0)
+    std::erase_if(off, [&](VertexId v) { return mean_edge(patch, v) > options_.longest_pulled; });
   MoveLimits limits = limits_;
   limits.goal = options_.quality + kMargin;
   limits.slack *= 0.1;

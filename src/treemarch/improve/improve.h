@@ -22,8 +22,9 @@ struct ImproveOptions {
   int passes = 20;              ///< of operations that change the connectivity, at most
   std::int64_t first_cell = 0;  ///< cells before it meet the target and touch no interface but at vertices of others
   bool keep_numbers = false;    ///< vertices that no cell needs any more stay in `points`
-  std::span<const Anchor> anchors;  ///< that moves shall keep, by the first coordinate
+  std::span<const Anchor> anchors;  ///< that moves shall keep, by their points
   bool pull = true;                 ///< bring vertices that lie off their interface back to it where quality allows
+  double longest_pulled = 0;        ///< but not those whose edges are longer on average (fit.h moves them); 0: all
 };
 
 enum class ImproveStop { off, target_met, no_progress, pass_limit, time_limit };

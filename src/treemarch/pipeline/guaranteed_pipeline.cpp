@@ -28,8 +28,9 @@ namespace treemarch {
 namespace {
 
 constexpr double kFloorWithinStretch = 18;  // proved for every lattice up to kMostStretch
-constexpr double kFarQuality = 40;  // of uncut simplices of such lattices, at least; 45 to 120 degrees without stretch
-constexpr int kPadding = 3;         // voxels around the image for a closed border
+constexpr double kFarQuality = 40;   // of uncut simplices of such lattices, at least; 45 to 120 degrees without stretch
+constexpr int kPadding = 3;          // voxels around the image for a closed border
+constexpr double kLeftToFit = 1.25;  // voxels: vertices with longer edges on average have facets that are fitted
 
 /// Whether interfaces have cells of more than a voxel anywhere: facets of smaller ones need no fit.
 bool is_coarse(const SizingRule& rule, double voxel) {
@@ -144,6 +145,7 @@ Mesh<Dim> shape_mesh(const Shaping<Dim>& how, SimplexLattice<Dim>& lattice, bool
   improvement.anchors = report.repair.anchors;
   if (how.cubic && improvement.quality <= kFarQuality) improvement.first_cell = far_cells;
   improvement.keep_numbers = hybrid;
+  if (how.coarse) improvement.longest_pulled = kLeftToFit * std::ranges::min(field.spacing());
   report.improve = improve(mesh, field, how.image.size(), improvement, execution);
 
   if (how.coarse) {
