@@ -29,7 +29,7 @@ constexpr double kStiffness = 0.02;  // of a vertex against moves that its facet
 constexpr double kFine = 1.25;                 // shorter facets are true to the field if their corners are
 constexpr double kSmooth = 1.2, kSharp = 4.2;  // facets up to the first follow the field, from the second on the voxels
 constexpr double kLeast = 0.07;                // shorter moves are left out
-constexpr double kMost = 0.7;                    // longer ones are along facets that hardly ask for them
+constexpr double kMost = 0.7;                  // longer ones are along facets that hardly ask for them
 template <int Dim>
 constexpr double kPart = Dim == 2 ? 1 : 1.4;  // between samples, up to kMostParts of them
 
