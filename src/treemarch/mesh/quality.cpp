@@ -15,6 +15,11 @@ namespace {
 
 constexpr std::int64_t kBlock = 16384;
 
+double to_degrees(double cosine) {
+  constexpr double kDegrees = 180 / std::numbers::pi;
+  return std::acos(cosine) * kDegrees;
+}
+
 /// Angles are compared by their cosines and converted once.
 struct CosineRange {
   double of_smallest = -1, of_largest = 1;
@@ -30,8 +35,7 @@ struct CosineRange {
     of_largest = std::min(of_largest, c);
   }
   [[nodiscard]] DegreeRange degrees() const {
-    constexpr double kDegrees = 180 / std::numbers::pi;
-    return {std::acos(std::min(1.0, of_smallest)) * kDegrees, std::acos(std::max(-1.0, of_largest)) * kDegrees};
+    return {to_degrees(std::min(1.0, of_smallest)), to_degrees(std::max(-1.0, of_largest))};
   }
 };
 
@@ -146,6 +150,32 @@ bool is_along_axes(const Frame<Dim>& frame) {
 
 int bin(double degrees) { return std::clamp(static_cast<int>(degrees), 0, 179); }
 
+/// The bins of most angles by their cosines, which costs less than to find the angle.
+class CosineBins {
+ public:
+  static constexpr int kNone = -1;
+  CosineBins() {
+    // Far more than the rounding errors of cosines and angles come to.
+    constexpr double kRounding = 1e-9;
+    const auto bin_at = [](double cosine) { return bin(to_degrees(std::clamp(cosine, -1.0, 1.0))); };
+    for (int i = 0; i < kSize; ++i) {
+      const double low = (i - kHalf) / kHalf, high = (i + 1 - kHalf) / kHalf;
+      const int first = bin_at(low - kRounding);
+      bins_[static_cast<std::size_t>(i)] = static_cast<std::int16_t>(first == bin_at(high + kRounding) ? first : kNone);
+    }
+  }
+  /// kNone near a limit between bins.
+  [[nodiscard]] int operator[](double cosine) const {
+    if (!(cosine > -1 && cosine < 1)) return kNone;
+    return bins_[static_cast<std::size_t>(std::min(kSize - 1, static_cast<int>((cosine + 1) * kHalf)))];
+  }
+
+ private:
+  static constexpr int kSize = 8192;
+  static constexpr double kHalf = kSize / 2;
+  std::array<std::int16_t, kSize> bins_{};
+};
+
 bool is_worse(const WorstCell& a, const WorstCell& b) {
   if (a.angles.min != b.angles.min) return a.angles.min < b.angles.min;
   if (a.type != b.type) return a.type < b.type;
@@ -203,8 +233,10 @@ MeshQuality measure_block(const Mesh<Dim>& mesh, const CellBlock& block, const F
     add_to_worst({block.type, c, angles, {}, 0}, worst_count, q.worst);
   };
   const auto measure_tetrahedra = [&](std::int64_t begin, std::int64_t end, MeshQuality& q) {
+    static const CosineBins bins;
     TetrahedronGroup group;
     GroupCosines cosines;
+    double extreme = 1;  // cosine of the largest angle so far
     for (std::int64_t first = begin; first < end; first += kLanes) {
       for (int k = 0; k < kLanes; ++k)
         for (int i = 0; i < 4; ++i) {
@@ -212,8 +244,24 @@ MeshQuality measure_block(const Mesh<Dim>& mesh, const CellBlock& block, const F
           for (int d = 0; d < 3; ++d) group[i][d][k] = x[d];
         }
       tetrahedra_cosines(group, cosines);
-      for (int k = 0; k < std::min<std::int64_t>(kLanes, end - first); ++k)
-        add_angles(first + k, CosineRange{cosines[0][k], cosines[1][k]}.degrees(), q);
+      for (int k = 0; k < std::min<std::int64_t>(kLanes, end - first); ++k) {
+        const CosineRange range{cosines[0][k], cosines[1][k]};
+        const double smallest = to_degrees(std::min(1.0, range.of_smallest));
+        // Of the largest angles, only the bin matters unless it is the largest so far or the cell is among the worst.
+        const bool may_be_worst =
+            worst_count > 0 && (q.worst.size() < worst_count || smallest <= q.worst[worst_count - 1].angles.min);
+        const int bin_of_largest =
+            may_be_worst || range.of_largest <= extreme ? CosineBins::kNone : bins[range.of_largest];
+        if (bin_of_largest == CosineBins::kNone) {
+          extreme = std::min(extreme, range.of_largest);
+          add_angles(first + k, {smallest, to_degrees(std::max(-1.0, range.of_largest))}, q);
+        } else {
+          q.angles.min = std::min(q.angles.min, smallest);
+          ++q.smallest[bin(smallest)];
+          ++q.largest[bin_of_largest];
+          q.mean_smallest += smallest;
+        }
+      }
     }
   };
   const auto measure_any = [&](std::int64_t begin, std::int64_t end, MeshQuality& q) {
