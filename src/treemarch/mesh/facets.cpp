@@ -25,6 +25,11 @@ struct Entry {
   std::array<VertexId, Rest> rest;
   std::uint32_t facet;
   bool operator<(const Entry& other) const {
+    if constexpr (Rest == 2) {  // most meshes; in one go, as which of them differs cannot be foreseen
+      const std::uint64_t a = std::uint64_t{rest[0]} << 32U | rest[1];
+      const std::uint64_t b = std::uint64_t{other.rest[0]} << 32U | other.rest[1];
+      return (a < b) | ((a == b) & (facet < other.facet));
+    }
     for (int i = 0; i < Rest; ++i)
       if (rest[i] != other.rest[i]) return rest[i] < other.rest[i];
     return facet < other.facet;
@@ -183,6 +188,7 @@ class Sorter {
     while (first_facet_[b] > facet) --b;
     const auto per_cell = static_cast<std::uint32_t>(topology(mesh_.blocks[b].type).facet_count);
     const std::uint32_t local = facet - first_facet_[b];
+    if (per_cell == 4) return {local / 4, static_cast<std::uint8_t>(b), static_cast<std::uint8_t>(local % 4)};
     return {local / per_cell, static_cast<std::uint8_t>(b), static_cast<std::uint8_t>(local % per_cell)};
   }
 
