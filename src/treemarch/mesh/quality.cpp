@@ -172,7 +172,7 @@ class CosineBins {
 
  private:
   static constexpr int kSize = 8192;
-  static constexpr double kHalf = kSize / 2;
+  static constexpr double kHalf = kSize / 2.0;
   std::array<std::int16_t, kSize> bins_{};
 };
 
