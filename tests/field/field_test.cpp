@@ -51,6 +51,40 @@ TYPED_TEST(FieldTest, OneLabelWeighsOneEverywhere) {
   }
 }
 
+/// The slope is that of the line through two points close by, unless a face between cells of voxel centres lies
+/// between.
+TYPED_TEST(FieldTest, DifferenceAlongHasTheSlope) {
+  constexpr int kDim = TypeParam::value;
+  constexpr double kStep = 1e-2;
+  auto image = random_labels<kDim>(box<kDim>({14, 12, 13}), 12, 2, 5);
+  image.frame.spacing[0] = 1.5;
+  for (const FieldKind kind : {FieldKind::linear, FieldKind::gauss, FieldKind::dgf}) {
+    const auto field = field_of(image, kind);
+    const auto directions = random_points(image, 2000, 4);
+    int compared = 0, sloping = 0;
+    for (std::size_t i = 0; const auto& x : random_points(image, 2000, 3)) {
+      const auto direction = (1 / norm(directions[i])) * directions[i];
+      ++i;
+      const auto e = entries_at(field, x);
+      if (e.size() < 2) continue;
+      const auto [value, slope] = field.difference_along(x, direction, e[0].material, e[1].material);
+      EXPECT_NEAR(value, field.difference(x, e[0].material, e[1].material), 1e-6);
+      bool in_one_cell = true;
+      for (int d = 0; d < kDim; ++d) {
+        const double u = x[d] / image.frame.spacing[d] - 0.5;
+        in_one_cell &= std::abs(u - std::round(u)) > 2 * kStep;
+      }
+      if (!in_one_cell) continue;
+      const auto at = [&](double t) { return field.difference(x + t * direction, e[0].material, e[1].material); };
+      EXPECT_NEAR(slope, (at(kStep) - at(-kStep)) / (2 * kStep), 1e-3);
+      ++compared;
+      sloping += std::abs(slope) > 0.1F ? 1 : 0;
+    }
+    EXPECT_GT(compared, 500);
+    EXPECT_GT(sloping, 200);
+  }
+}
+
 TYPED_TEST(FieldTest, WeightsAddUpToOne) {
   constexpr int kDim = TypeParam::value;
   for (int patch : {1, 5}) {

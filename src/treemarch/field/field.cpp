@@ -39,6 +39,7 @@ struct Cell {
   static constexpr int kCorners = 1 << Dim;
   std::uint64_t ref;        ///< of the brick that holds the cell; the rest is for bricks that are not uniform
   int place = 0;            ///< of the cell's first voxel in the brick
+  double f[Dim];            ///< where in the cell the point is along each axis, 0 to 1
   double weight[kCorners];  ///< of each voxel, first axis fastest
 
   static constexpr std::array<int, kCorners> kOffset = [] {
@@ -51,7 +52,6 @@ struct Cell {
 
   Cell(const Bricks<Dim>& bricks, FieldKind kind, const Vec<Dim>& x, const Vec<Dim>& spacing) {
     Coord<Dim> voxel;
-    double f[Dim];
     for (int d = 0; d < Dim; ++d) {
       const double u = x[d] / spacing[d];
       const Tap tap =
@@ -145,10 +145,11 @@ void visit_lists(const std::uint32_t* brick, const Cell<Dim>& cell, Add&& add) {
   }
 }
 
-/// Weights of some materials of a brick, in a table.
-template <int Dim, int Slots, std::size_t Count>
-std::array<double, Count> table_weights(const std::uint32_t* brick, const Cell<Dim>& cell,
-                                        const std::array<MaterialId, Count>& materials) {
+/// Calls add(corner, m, weight) with the weights of the voxels of a cell, in units of 1 / kOne, of the m-th of some
+/// materials, for a brick with a table.
+template <int Dim, int Slots, std::size_t Count, class Add>
+void visit_corners(const std::uint32_t* brick, const Cell<Dim>& cell, const std::array<MaterialId, Count>& materials,
+                   Add&& add) {
   constexpr int kWords = Slots / 2;
   const std::uint32_t* table = brick + Slots + Bricks<Dim>::kOwnWords + cell.place * kWords;
   std::array<const std::uint32_t*, Count> column;
@@ -161,12 +162,31 @@ std::array<double, Count> table_weights(const std::uint32_t* brick, const Cell<D
     column[m] = table + slot % Slots / 2;
     shift[m] = 16 * (slot % 2);
   }
-  std::array<double, Count> sum{};
   for (int corner = 0; corner < Cell<Dim>::kCorners; ++corner)
     for (std::size_t m = 0; m < Count; ++m)
-      sum[m] += cell.weight[corner] *
-                static_cast<std::int32_t>(column[m][Cell<Dim>::kOffset[corner] * kWords] >> shift[m] & mask[m]);
-  return sum;
+      add(corner, m, static_cast<std::int32_t>(column[m][Cell<Dim>::kOffset[corner] * kWords] >> shift[m] & mask[m]));
+}
+
+/// The same for any brick that is not uniform.
+template <int Dim, std::size_t Count, class Add>
+void visit_corners(const Bricks<Dim>& bricks, const Cell<Dim>& cell, const std::array<MaterialId, Count>& materials,
+                   Add&& add) {
+  const std::uint32_t* brick = bricks.data(cell.ref);
+  switch (Bricks<Dim>::form_of(cell.ref)) {
+    case Bricks<Dim>::kTable2:
+      return visit_corners<Dim, 2>(brick, cell, materials, add);
+    case Bricks<Dim>::kTable4:
+      return visit_corners<Dim, 4>(brick, cell, materials, add);
+    case Bricks<Dim>::kTable8:
+      return visit_corners<Dim, 8>(brick, cell, materials, add);
+    default:
+      for (int corner = 0; corner < Cell<Dim>::kCorners; ++corner) {
+        const int place = cell.place + Cell<Dim>::kOffset[corner];
+        for (std::uint32_t i = brick[place]; i < brick[place + 1]; i += 2)
+          for (std::size_t m = 0; m < Count; ++m)
+            if (materials[m] == brick[i]) add(corner, m, static_cast<std::int32_t>(brick[i + 1]));
+      }
+  }
 }
 
 template <int Dim, std::size_t Count>
@@ -177,21 +197,33 @@ std::array<double, Count> cell_weights(const Bricks<Dim>& bricks, const Cell<Dim
     for (std::size_t m = 0; m < Count; ++m) sum[m] = static_cast<MaterialId>(cell.ref) == materials[m] ? 1 : 0;
     return sum;
   }
-  const std::uint32_t* brick = bricks.data(cell.ref);
-  switch (Bricks<Dim>::form_of(cell.ref)) {
-    case Bricks<Dim>::kTable2:
-      return table_weights<Dim, 2>(brick, cell, materials);
-    case Bricks<Dim>::kTable4:
-      return table_weights<Dim, 4>(brick, cell, materials);
-    case Bricks<Dim>::kTable8:
-      return table_weights<Dim, 8>(brick, cell, materials);
-    default:
-      visit_lists(brick, cell, [&](MaterialId material, double w) {
-        for (std::size_t m = 0; m < Count; ++m) sum[m] += materials[m] == material ? w : 0;
-      });
-      return sum;
-  }
+  visit_corners<Dim, Count>(bricks, cell, materials,
+                            [&](int corner, std::size_t m, std::int32_t w) { sum[m] += cell.weight[corner] * w; });
+  return sum;
 }
+
+/// Of values at the corners of a cell, the value at a point and the derivatives along the axes, per voxel.
+template <int Dim>
+struct Interpolated {
+  double value;
+  std::array<double, Dim> slope;
+
+  Interpolated(std::array<double, Cell<Dim>::kCorners> v, const double (&f)[Dim]) {
+    std::array<std::array<double, Cell<Dim>::kCorners / 2>, Dim> by_axis;
+    int n = Cell<Dim>::kCorners;
+    for (int d = 0; d < Dim; ++d) {
+      n /= 2;
+      for (int i = 0; i < n; ++i) {
+        for (int e = 0; e < d; ++e)
+          by_axis[e][i] = by_axis[e][2 * i] + f[d] * (by_axis[e][2 * i + 1] - by_axis[e][2 * i]);
+        by_axis[d][i] = v[2 * i + 1] - v[2 * i];
+        v[i] = v[2 * i] + f[d] * by_axis[d][i];
+      }
+    }
+    value = v[0];
+    for (int d = 0; d < Dim; ++d) slope[d] = by_axis[d][0];
+  }
+};
 
 template <int Dim>
 int sample_cell(const Bricks<Dim>& bricks, const Cell<Dim>& cell, std::span<LabelWeight> out) {
@@ -285,6 +317,25 @@ float Field<Dim>::difference(const Vec<Dim>& x, MaterialId a, MaterialId b) cons
     sum_b += m == b ? w : 0;
   });
   return static_cast<float>(sum_a - sum_b);
+}
+
+template <int Dim>
+ValueAndSlope Field<Dim>::difference_along(const Vec<Dim>& x, const Vec<Dim>& direction, MaterialId a,
+                                           MaterialId b) const {
+  if (kind_ == FieldKind::bspline3) return {difference(x, a, b), 0};
+  const Cell<Dim> cell(bricks_, kind_, x, spacing_);
+  if (cell.ref & Bricks<Dim>::kUniform) return {difference(x, a, b), 0};
+  std::array<double, Cell<Dim>::kCorners> at{};
+  visit_corners<Dim, 2>(bricks_, cell, {a, b},
+                        [&](int corner, std::size_t m, std::int32_t w) { at[corner] += m == 0 ? w : -w; });
+  const Interpolated<Dim> here(at, cell.f);
+  double slope = 0;
+  for (int d = 0; d < Dim; ++d) {
+    const bool is_beyond = x[d] < 0.5 * spacing_[d] || x[d] > (bricks_.extent[d] - 0.5) * spacing_[d];
+    if (!is_beyond) slope += direction[d] * here.slope[d] / spacing_[d];
+  }
+  constexpr double kPerUnit = 1.0 / Bricks<Dim>::kOne;
+  return {static_cast<float>(here.value * kPerUnit), static_cast<float>(slope * kPerUnit)};
 }
 
 template <int Dim>

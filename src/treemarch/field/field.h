@@ -42,6 +42,10 @@ struct LabelWeight {
   float weight;
 };
 
+struct ValueAndSlope {
+  float value, slope;
+};
+
 /// A separating function for every label of an image. Points are in the inner frame (image/frame.h); beyond the image
 /// the nearest voxel centre counts, so labels extend constantly over the border. Weights are >= 0 and about 1 where one
 /// label is alone (thin structures count up to 1.9 times, docs/stages/field.md); labels that weigh less than 1/512 at a
@@ -58,6 +62,9 @@ class Field {
   [[nodiscard]] float weight(const Vec<Dim>& x, MaterialId m) const;
   /// weight(x, a) - weight(x, b), at the price of one.
   [[nodiscard]] float difference(const Vec<Dim>& x, MaterialId a, MaterialId b) const;
+  /// The same with its derivative along a direction, from one look; 0 where that takes more (bspline3).
+  [[nodiscard]] ValueAndSlope difference_along(const Vec<Dim>& x, const Vec<Dim>& direction, MaterialId a,
+                                               MaterialId b) const;
   /// The image's own material of the voxel that holds the point (the upper one on a voxel face).
   [[nodiscard]] MaterialId voxel_label(const Vec<Dim>& x) const;
   /// The material that is alone everywhere in a box, or kOutside if none is known to be. Costs a look at one word for

@@ -306,11 +306,18 @@ void Fitter<Dim>::gather_cells(const Patch<Dim>& patch) {
   });
 }
 
-/// Distance to where the two materials weigh the same, by secants. Weights change by about 1 over a voxel.
+/// Distance to where the two materials weigh the same: along the slope if it is near, else by secants. Weights change
+/// by about 1 over a voxel.
 template <int Dim>
 bool Fitter<Dim>::to_field(const Shape<Dim>& f, const Vec<Dim>& x, double& t) const {
   constexpr double kFlat = 0.8;  // differences above tell a side, but no distance
-  double low = 0, d_low = field_.difference(x, f.first, f.second);
+  constexpr double kNear = 0.5;  // voxels
+  const auto [value, slope] = field_.difference_along(x, f.normal, f.first, f.second);
+  if (std::abs(value) < kFlat && slope * f.voxel < -0.25 && std::abs(value) < -kNear * f.voxel * slope) {
+    t = -value / slope;
+    return true;
+  }
+  double low = 0, d_low = value;
   const double sign = d_low > 0 ? 1 : -1;
   double step = std::clamp(std::abs(d_low), 0.1, 0.9) * f.voxel;
   while (d_low != 0) {
