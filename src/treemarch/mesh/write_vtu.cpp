@@ -1,7 +1,10 @@
 // VTK's XML formats for unstructured grids and polygons, version 1.0, arrays appended as raw bytes.
-#include <zlib.h>
+#include <libdeflate.h>
 
+#include <algorithm>
 #include <cstring>
+#include <memory>
+#include <new>
 
 #include "treemarch/core/error.h"
 #include "treemarch/core/parallel.h"
@@ -11,9 +14,10 @@
 namespace treemarch {
 namespace {
 
-// Before compression. Small enough to compress in parallel; meshio joins the blocks in time that grows with their
-// number times the size of the array.
-constexpr std::int64_t kBlockBytes = 8 << 20;
+// Before compression. Several of an array, to compress in parallel, but not many: meshio joins them in time that grows
+// with their number times the size of the array.
+constexpr std::int64_t kLeastBlockBytes = 1 << 19, kMostBlockBytes = 8 << 20;
+constexpr std::int64_t kBlocks = 8;       // of an array, between these sizes
 constexpr std::size_t kOffsetWidth = 24;  // room for an offset that is known later
 constexpr int kFastest = 1;               // the higher levels gain little and cost much
 
@@ -190,18 +194,19 @@ std::string header(const MeshSource& mesh, Kind kind, bool compress, std::vector
 }
 
 void append_compressed(const std::string& bytes, std::string& out) {
-  uLongf size = compressBound(bytes.size());
-  out.resize(size);
-  if (compress2(reinterpret_cast<Bytef*>(out.data()), &size, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size(),
-                kFastest) != Z_OK)
-    throw Error(ErrorKind::limits, "compression failed; is there enough memory?");
-  out.resize(size);
+  const std::unique_ptr<libdeflate_compressor, decltype(&libdeflate_free_compressor)> compressor(
+      libdeflate_alloc_compressor(kFastest), &libdeflate_free_compressor);
+  if (!compressor) throw std::bad_alloc();
+  out.resize(libdeflate_zlib_compress_bound(compressor.get(), bytes.size()));
+  out.resize(libdeflate_zlib_compress(compressor.get(), bytes.data(), bytes.size(), out.data(), out.size()));
 }
 
 /// Writes one array. Compressed: number of blocks, size of a block, size of the last if it is shorter, compressed
 /// sizes, then the blocks; else the size and the bytes.
 void write_array(const Appended& array, bool compress, OutputFile& file, const Execution& execution) {
-  const std::int64_t per_block = kBlockBytes / array.item_bytes;
+  const std::int64_t block_bytes =
+      std::clamp(array.items * array.item_bytes / kBlocks, kLeastBlockBytes, kMostBlockBytes);
+  const std::int64_t per_block = block_bytes / array.item_bytes;
   auto bytes_of = [&](std::int64_t items) { return static_cast<std::uint64_t>(items * array.item_bytes); };
   if (!compress) {
     const std::uint64_t size = bytes_of(array.items);
