@@ -54,6 +54,7 @@ TEST(Sweep, MovesOneAfterTheOther) {
   for (const int threads : {2, 7}) EXPECT_EQ(smoothed(cut, vertices, threads), points);
 
   std::vector<std::pair<std::uint64_t, VertexId>> by_hash;
+  by_hash.reserve(vertices.size());
   for (const VertexId v : vertices) by_hash.push_back({scramble(v), v});
   std::ranges::sort(by_hash);
   Mesh<3> mesh = cut.mesh;
