@@ -43,7 +43,8 @@ std::vector<std::uint8_t> are_whole(const LabelImage<3>& image, const Mesh<3>& m
   Execution execution(2);
   const ComponentMap map = map_components(image, execution);
   const MeshComponents<3> components(mesh, execution);
-  const PlainBlocks<3> plain{UniformBlocks<3>(image, execution)};
+  const UniformBlocks<3> uniform(image, execution);
+  const PlainBlocks<3> plain(uniform);
   const auto fates =
       component_fates(image, map, mesh, components, plain, match_labels(mesh.labels, image.labels), execution).of;
   std::vector<std::uint8_t> whole;

@@ -23,7 +23,7 @@ class PlainBlocks {
   /// of its hull, which only may miss the sides of the image's box. \pre the points are in the inner frame of the image
   PlainBlocks(const LabelImage<Dim>& image, const UniformBlocks<Dim>& uniform, const Mesh<Dim>& mesh,
               std::span<const BorderFacet> borders, const Execution& execution);
-  /// None is plain.
+  /// None is plain. \param uniform outlives the object
   explicit PlainBlocks(const UniformBlocks<Dim>& uniform)
       : uniform_(uniform), plain_(static_cast<std::size_t>(uniform.size())) {}
 
