@@ -23,7 +23,8 @@ namespace {
 
 constexpr std::int64_t kBlock = 1024;
 constexpr int kMostParts = 6;  // samples along an edge
-constexpr int kRounds = 2;
+constexpr int kRounds = 2, kMostRounds = 4;
+constexpr double kManyHeld = 0.05;  // of the vertices: so many that the limit of moves held back call for another round
 constexpr double kStiffness = 0.02;  // of a vertex against moves that its facets do not ask for
 // In voxels:
 constexpr double kFine = 1.25;                 // shorter facets are true to the field if their corners are
@@ -121,7 +122,7 @@ class Fitter {
           if (rank_[w] != kNone) add(rank_[w]);
     });
     report_.facets = static_cast<std::int64_t>(facets_.size());
-    for (int round = 0; round < kRounds; ++round) {
+    for (int round = 0; round < kRounds || (round < kMostRounds && held_back() > kManyHeld); ++round) {
       measure();
       if (round == 0) report_.rms_before = rms();
       report_.moves += sweep(turns, execution_, [&](std::uint32_t i) { return move(patch, i); });
@@ -151,6 +152,7 @@ class Fitter {
   bool to_voxels(const Shape<Dim>& f, const Vec<Dim>& x, double& t) const;
   [[nodiscard]] Vec<Dim> wish_of(std::int64_t place) const;
   bool move(Patch<Dim>& patch, std::uint32_t place);
+  [[nodiscard]] double held_back() const;
 
   Mesh<Dim>& mesh_;
   const Field<Dim>& field_;
@@ -533,6 +535,14 @@ bool Fitter<Dim>::move(Patch<Dim>& patch, std::uint32_t place) {
     return true;
   }
   return false;
+}
+
+/// The share of the vertices that moved as far as they may since measure().
+template <int Dim>
+double Fitter<Dim>::held_back() const {
+  const double most = 0.99 * kMost * largest_voxel_;
+  const auto held = std::ranges::count_if(moved_, [&](const Vec<Dim>& d) { return squared_norm(d) > most * most; });
+  return static_cast<double>(held) / static_cast<double>(moved_.size());
 }
 
 }  // namespace
