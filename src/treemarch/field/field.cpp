@@ -136,12 +136,13 @@ void visit_table(const std::uint32_t* brick, const Cell<Dim>& cell, Add&& add) {
   for (int i = 0; i < Slots; ++i) add(brick[i], sum[i]);
 }
 
+/// Calls add(corner, material, weight) for each label of each voxel of a cell, in units of 1 / kOne.
 template <int Dim, class Add>
 void visit_lists(const std::uint32_t* brick, const Cell<Dim>& cell, Add&& add) {
   for (int corner = 0; corner < Cell<Dim>::kCorners; ++corner) {
     const int place = cell.place + Cell<Dim>::kOffset[corner];
     for (std::uint32_t i = brick[place]; i < brick[place + 1]; i += 2)
-      add(brick[i], cell.weight[corner] * brick[i + 1]);
+      add(corner, brick[i], static_cast<std::int32_t>(brick[i + 1]));
   }
 }
 
@@ -180,12 +181,10 @@ void visit_corners(const Bricks<Dim>& bricks, const Cell<Dim>& cell, const std::
     case Bricks<Dim>::kTable8:
       return visit_corners<Dim, 8>(brick, cell, materials, add);
     default:
-      for (int corner = 0; corner < Cell<Dim>::kCorners; ++corner) {
-        const int place = cell.place + Cell<Dim>::kOffset[corner];
-        for (std::uint32_t i = brick[place]; i < brick[place + 1]; i += 2)
-          for (std::size_t m = 0; m < Count; ++m)
-            if (materials[m] == brick[i]) add(corner, m, static_cast<std::int32_t>(brick[i + 1]));
-      }
+      visit_lists(brick, cell, [&](int corner, MaterialId material, std::int32_t w) {
+        for (std::size_t m = 0; m < Count; ++m)
+          if (materials[m] == material) add(corner, m, w);
+      });
   }
 }
 
@@ -246,7 +245,7 @@ int sample_cell(const Bricks<Dim>& bricks, const Cell<Dim>& cell, std::span<Labe
       break;
     default:
       Sums sums;
-      visit_lists(brick, cell, [&](MaterialId m, double w) { sums.add(m, w); });
+      visit_lists(brick, cell, [&](int corner, MaterialId m, std::int32_t w) { sums.add(m, cell.weight[corner] * w); });
       sums.visit(put);
   }
   return largest.size();
@@ -324,7 +323,10 @@ ValueAndSlope Field<Dim>::difference_along(const Vec<Dim>& x, const Vec<Dim>& di
                                            MaterialId b) const {
   if (kind_ == FieldKind::bspline3) return {difference(x, a, b), 0};
   const Cell<Dim> cell(bricks_, kind_, x, spacing_);
-  if (cell.ref & Bricks<Dim>::kUniform) return {difference(x, a, b), 0};
+  if (cell.ref & Bricks<Dim>::kUniform) {
+    const auto weights = cell_weights<Dim, 2>(bricks_, cell, {a, b});
+    return {static_cast<float>(weights[0] - weights[1]), 0};
+  }
   std::array<double, Cell<Dim>::kCorners> at{};
   visit_corners<Dim, 2>(bricks_, cell, {a, b},
                         [&](int corner, std::size_t m, std::int32_t w) { at[corner] += m == 0 ? w : -w; });

@@ -1,7 +1,6 @@
 #include "treemarch/improve/keep_components.h"
 
 #include <algorithm>
-#include <cmath>
 #include <tuple>
 
 #include "treemarch/core/parallel.h"
@@ -16,21 +15,19 @@ constexpr std::int64_t kCellsPerTask = 256;
 constexpr double kReach = 2;            // voxels around a cell
 constexpr std::int64_t kFewCells = 64;  // that a small component would fill if all cells were as large
 
-/// The voxels whose centres are within kReach voxels of the box around a cell.
+/// The voxels within kReach voxels of the box around a cell.
 template <int Dim>
 VoxelBox<Dim> voxels_near(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, const VertexId* cell, int corners) {
-  VoxelBox<Dim> box;
+  constexpr double kTouch = 1e-9;  // voxels that only touch are not near
+  Vec<Dim> low = mesh.points[cell[0]], high = low, voxels_per_length;
   for (int d = 0; d < Dim; ++d) {
-    double low = mesh.points[cell[0]][d], high = low;
+    voxels_per_length[d] = 1 / image.frame.spacing[d];
     for (int k = 1; k < corners; ++k) {
-      low = std::min(low, mesh.points[cell[k]][d]);
-      high = std::max(high, mesh.points[cell[k]][d]);
+      low[d] = std::min(low[d], mesh.points[cell[k]][d]);
+      high[d] = std::max(high[d], mesh.points[cell[k]][d]);
     }
-    const double h = image.frame.spacing[d], last = image.extent[d];
-    box.begin[d] = static_cast<std::int32_t>(std::clamp(std::floor(low / h - kReach), 0.0, last));
-    box.end[d] = static_cast<std::int32_t>(std::clamp(std::ceil(high / h + kReach), 0.0, last));
   }
-  return box;
+  return centres_between(low, high, voxels_per_length, image.extent, kReach + 0.5 - kTouch);
 }
 
 /// Adds a voxel, and those of its material around it that belong to other components of the image.

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdint>
-#include <iterator>
 #include <span>
 #include <utility>
 #include <vector>
@@ -86,12 +85,14 @@ template <class Move>
 std::int64_t sweep(const Turns& turns, const Execution& execution, const Move& move) {
   std::vector<std::uint8_t> waits(turns.size(), 1);
   struct Task {
-    std::int64_t number, moved = 0;
-    bool begun = false;
     std::vector<std::uint32_t> waiting;
+    std::int64_t moved = 0;
   };
-  std::vector<Task> tasks;
-  for (std::int64_t t = 0; t < turns.tasks(); ++t) tasks.push_back({t});
+  std::vector<Task> tasks(static_cast<std::size_t>(turns.tasks()));
+  parallel_for(execution, turns.tasks(), 1, [&](std::int64_t t) {
+    const auto all = turns.of_task(t);
+    tasks[t].waiting.assign(all.begin(), all.end());
+  });
   const auto has_turn = [&](std::uint32_t i) {
     return std::ranges::none_of(turns.before(i), [&](std::uint32_t j) {
       return std::atomic_ref(waits[j]).load(std::memory_order_acquire) != 0;
@@ -101,8 +102,6 @@ std::int64_t sweep(const Turns& turns, const Execution& execution, const Move& m
   while (!tasks.empty()) {
     parallel_for(execution, std::ssize(tasks), 1, [&](std::int64_t t) {
       Task& task = tasks[t];
-      if (!task.begun) std::ranges::copy(turns.of_task(task.number), std::back_inserter(task.waiting));
-      task.begun = true;
       std::erase_if(task.waiting, [&](std::uint32_t i) {
         if (!has_turn(i)) return false;
         task.moved += move(i) ? 1 : 0;

@@ -225,11 +225,14 @@ MeshQuality measure_block(const Mesh<Dim>& mesh, const CellBlock& block, const F
     const Vec<Dim>& x = mesh.points[block.cell(c)[i]];
     return turn ? turned(frame, x) : x;
   };
+  const auto count = [](double smallest, int bin_of_largest, MeshQuality& q) {
+    ++q.smallest[bin(smallest)];
+    ++q.largest[bin_of_largest];
+    q.mean_smallest += smallest;
+  };
   const auto add_angles = [&](std::int64_t c, const DegreeRange& angles, MeshQuality& q) {
     q.angles.add(angles);
-    ++q.smallest[bin(angles.min)];
-    ++q.largest[bin(angles.max)];
-    q.mean_smallest += angles.min;
+    count(angles.min, bin(angles.max), q);
     add_to_worst({block.type, c, angles, {}, 0}, worst_count, q.worst);
   };
   const auto measure_tetrahedra = [&](std::int64_t begin, std::int64_t end, MeshQuality& q) {
@@ -257,9 +260,7 @@ MeshQuality measure_block(const Mesh<Dim>& mesh, const CellBlock& block, const F
           add_angles(first + k, {smallest, to_degrees(std::max(-1.0, range.of_largest))}, q);
         } else {
           q.angles.min = std::min(q.angles.min, smallest);
-          ++q.smallest[bin(smallest)];
-          ++q.largest[bin_of_largest];
-          q.mean_smallest += smallest;
+          count(smallest, bin_of_largest, q);
         }
       }
     }

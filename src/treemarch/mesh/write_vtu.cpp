@@ -6,7 +6,6 @@
 #include <memory>
 #include <new>
 
-#include "treemarch/core/error.h"
 #include "treemarch/core/parallel.h"
 #include "treemarch/mesh/cell_topology.h"
 #include "treemarch/mesh/mesh_source.h"
