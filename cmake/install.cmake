@@ -1,11 +1,12 @@
 # Headers, libraries and a package for find_package(treemarch [COMPONENTS io]).
-include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 install(DIRECTORY src/treemarch DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} FILES_MATCHING PATTERN "*.h")
 install(TARGETS treemarch EXPORT treemarchTargets)
 install(TARGETS treemarch_io EXPORT treemarchIoTargets)
+install(TARGETS treemarch_dicom LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/treemarch)
 if(TREEMARCH_BUILD_APPS)
+  set_target_properties(treemarch_app PROPERTIES INSTALL_RPATH $ORIGIN/../${CMAKE_INSTALL_LIBDIR}/treemarch)
   install(TARGETS treemarch_app RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 endif()
 

@@ -240,8 +240,9 @@ Bytes dicom_file(const DicomSlice& s) {
                dicom_element(0x20, 0x37, "DS", decimals(s.orientation)) + dicom_element(0x28, 2, "US", us(1)) +
                dicom_element(0x28, 4, "CS", "MONOCHROME2") + dicom_element(0x28, 0x10, "US", us(s.rows)) +
                dicom_element(0x28, 0x11, "US", us(s.columns)) + dicom_element(0x28, 0x30, "DS", decimals(spacing)) +
-               dicom_element(0x28, 0x100, "US", us(16)) + dicom_element(0x28, 0x101, "US", us(16)) +
-               dicom_element(0x28, 0x102, "US", us(15)) + dicom_element(0x28, 0x103, "US", us(0));
+               dicom_element(0x28, 0x100, "US", us(16)) + dicom_element(0x28, 0x101, "US", us(s.stored)) +
+               dicom_element(0x28, 0x102, "US", us(s.stored - 1)) +
+               dicom_element(0x28, 0x103, "US", us(s.is_signed ? 1 : 0));
   if (!s.slope.empty())
     data += dicom_element(0x28, 0x1052, "DS", s.intercept) + dicom_element(0x28, 0x1053, "DS", s.slope);
   data += dicom_element(0x7fe0, 0x10, "OW", bytes_of_all(s.values));

@@ -96,6 +96,8 @@ struct DicomSlice {
   double row_spacing = 1, column_spacing = 1;
   std::string series = "1.2.3";
   std::string slope, intercept;
+  unsigned stored = 16;  ///< bits
+  bool is_signed = false;
   std::vector<std::uint16_t> values;  ///< columns * rows
 };
 

@@ -8,8 +8,8 @@
 #include <map>
 
 #include "treemarch/core/error.h"
+#include "treemarch/image/decompress_dicom.h"
 #include "treemarch/image/dicom_elements.h"
-#include "treemarch/image/read_dicom_compressed.h"
 
 namespace treemarch {
 namespace {
@@ -95,6 +95,16 @@ void set_geometry(const DicomElements& dicom, RawImage& image) {
   }
 }
 
+SampleType sample_type(const std::string& path, const DicomFormat& format) {
+  const auto [bits, stored, high_bit, is_signed] = format;
+  if ((bits != 8 && bits != 16 && bits != 32) || stored < 1 || stored > bits || high_bit != stored - 1)
+    fail(path, "has " + std::to_string(stored) + " of " + std::to_string(bits) +
+                   " bits a sample in a way that is not read; convert it to NIfTI or NRRD");
+  if (bits == 8) return is_signed ? SampleType::i8 : SampleType::u8;
+  if (bits == 16) return is_signed ? SampleType::i16 : SampleType::u16;
+  return is_signed ? SampleType::i32 : SampleType::u32;
+}
+
 /// Sets the bits above those that are stored to what the value needs; they may hold anything.
 template <class T>
 void clean_high_bits(unsigned stored, std::byte* data, std::size_t count) {
@@ -108,35 +118,39 @@ void clean_high_bits(unsigned stored, std::byte* data, std::size_t count) {
   }
 }
 
-/// Samples that stand in the file as they are.
-void read_plain_samples(const std::string& path, const DicomElements& dicom, RawImage& image) {
-  const unsigned bits = dicom.number(kBitsAllocated).value_or(0), stored = dicom.number(kBitsStored).value_or(bits);
-  const bool is_signed = dicom.number(kSigned).value_or(0) == 1;
-  if ((bits != 8 && bits != 16 && bits != 32) || stored < 1 || stored > bits ||
-      dicom.number(kHighBit).value_or(stored - 1) != stored - 1)
-    fail(path, "has " + std::to_string(stored) + " of " + std::to_string(bits) +
-                   " bits a sample in a way that is not read; convert it to NIfTI or NRRD");
-  image.type = bits == 8    ? is_signed ? SampleType::i8 : SampleType::u8
-               : bits == 16 ? is_signed ? SampleType::i16 : SampleType::u16
-               : is_signed  ? SampleType::i32
-                            : SampleType::u32;
-  const DicomElements::Element& pixels = *dicom.find(kPixelData);
-  const std::size_t sample = bits / 8;
-  check_size(path, std::span(image.extent).first(2), sample, static_cast<std::int64_t>(pixels.length), 1);
+/// Takes over samples of the image's type, of which so many bits are stored.
+void set_samples(const std::byte* from, unsigned stored, bool swap, RawImage& image) {
   const auto count = static_cast<std::size_t>(image.voxels());
-  if (count * sample > pixels.length) fail(path, "its pixel data are cut short; get a complete copy");
+  const std::size_t bytes = sample_bytes(image.type);
   std::byte* const data = image.allocate();
-  std::memcpy(data, dicom.bytes.data() + pixels.offset, count * sample);
-  if (dicom.big_endian) swap_bytes(data, count, sample);
-  if (stored < bits)
+  std::memcpy(data, from, image.bytes());
+  if (swap) swap_bytes(data, count, bytes);
+  if (stored < 8 * bytes)
     visit_type(image.type, [&]<class T>(T) {
       if constexpr (std::is_integral_v<T>) clean_high_bits<T>(stored, data, count);
     });
-  if (const std::vector<double> slope = dicom.decimals(kSlope), intercept = dicom.decimals(kIntercept);
-      slope.size() == 1 && intercept.size() == 1) {
-    image.slope = slope[0];
-    image.intercept = intercept[0];
-  }
+}
+
+/// Samples that stand in the file as they are.
+void read_plain_samples(const std::string& path, const DicomElements& dicom, RawImage& image) {
+  DicomFormat format;
+  format.bits = dicom.number(kBitsAllocated).value_or(0);
+  format.stored = dicom.number(kBitsStored).value_or(format.bits);
+  format.is_signed = dicom.number(kSigned).value_or(0) == 1;
+  format.high_bit = dicom.number(kHighBit).value_or(format.stored - 1);
+  image.type = sample_type(path, format);
+  const DicomElements::Element& pixels = *dicom.find(kPixelData);
+  check_size(path, std::span(image.extent).first(2), sample_bytes(image.type), static_cast<std::int64_t>(pixels.length),
+             1);
+  if (image.bytes() > pixels.length) fail(path, "its pixel data are cut short; get a complete copy");
+  set_samples(reinterpret_cast<const std::byte*>(dicom.bytes.data()) + pixels.offset, format.stored, dicom.big_endian,
+              image);
+}
+
+void read_compressed_samples(const std::string& path, RawImage& image) {
+  const DicomPixels pixels = decompress_dicom(path, image.voxels());
+  image.type = sample_type(path, pixels.format);
+  set_samples(pixels.samples.get(), pixels.format.stored, false, image);
 }
 
 Slice read_slice(const std::string& path) {
@@ -150,9 +164,14 @@ Slice read_slice(const std::string& path) {
   check_size(path, std::span(image.extent).first(2), 1, -1, 1);
   set_geometry(dicom, image);
   if (dicom.compressed)
-    read_dicom_compressed(path, image);
+    read_compressed_samples(path, image);
   else
     read_plain_samples(path, dicom, image);
+  if (const std::vector<double> slope = dicom.decimals(kSlope), intercept = dicom.decimals(kIntercept);
+      slope.size() == 1 && intercept.size() == 1) {
+    image.slope = slope[0];
+    image.intercept = intercept[0];
+  }
   return slice;
 }
 
