@@ -135,6 +135,11 @@ std::optional<GreyImage<Dim>> load_sizes(const MeshCommandOptions& options, Exec
   throw Error(ErrorKind::input, path + ": has another dimension than " + options.image);
 }
 
+/// Whether what is measured is of use to anyone.
+bool is_measured(const MeshCommandOptions& options) {
+  return !options.quiet || options.json || options.strict || !options.report.empty();
+}
+
 template <int Dim>
 Report make_report(const MeshCommandOptions& options, const std::vector<std::pair<std::string, std::string>>& given,
                    const LabelImage<Dim>& image, const MeshResult<Dim>& result, Execution& execution) {
@@ -147,12 +152,12 @@ Report make_report(const MeshCommandOptions& options, const std::vector<std::pai
   report.mesh_seconds = result.seconds;
   report.guarantee = result.guarantee;
   report.shift = result.shift;
-  {
+  if (is_measured(options)) {
     const Execution::Stage stage(execution, "measure");
     // The unit of time says nothing about shapes: in four dimensions they are those of the inner frame.
     report.quality = measure_quality(result.mesh, Dim < 4 ? image.frame : Frame<Dim>{}, kWorstCells, execution);
     report.fidelity = measure_fidelity(image, result.mesh, options.mesh.plain.background, execution,
-                                       options.mesh.plain.min_component);
+                                       options.mesh.plain.min_component, result.borders ? &*result.borders : nullptr);
   }
   return report;
 }
@@ -195,6 +200,10 @@ void write_all(const MeshCommandOptions& options, const LabelImage<Dim>& image, 
 }
 
 void publish(const MeshCommandOptions& options, const Report& report) {
+  if (!options.json && options.report.empty()) {
+    if (!options.quiet) std::fputs(to_text(report).c_str(), stdout);
+    return;
+  }
   const std::string json = to_json(report);
   if (!options.report.empty()) {
     OutputFile file(options.report, options.force);
@@ -284,7 +293,7 @@ void add_output_options(CLI::App& mesh, MeshCommandOptions& o) {
   mesh.add_flag("--compress,!--no-compress", o.compress, "Compress .vtu and .xdmf files")->default_str("true");
   mesh.add_flag("--force", o.force, "Replace files that exist")->configurable(false);
   mesh.add_flag("--json", o.json, "Print the report as JSON");
-  mesh.add_flag("--quiet", o.quiet, "Print nothing but errors");
+  mesh.add_flag("--quiet", o.quiet, "Print nothing but errors; measure nothing unless a report or --strict asks");
   add_threads_option(mesh, o.threads);
   mesh.add_option("--max-memory", o.max_memory,
                   "Refuse what is estimated to need more, as 12GB; default: what the machine has left");

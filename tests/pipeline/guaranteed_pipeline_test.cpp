@@ -2,11 +2,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <map>
 
 #include "support/images.h"
 #include "support/surface_error.h"
 #include "treemarch/core/error.h"
+#include "treemarch/mesh/borders.h"
 #include "treemarch/mesh/interfaces.h"
 #include "treemarch/mesh/quality.h"
 #include "treemarch/mesh/validate.h"
@@ -126,6 +128,35 @@ TEST(guaranteed_pipeline, closed_border_rounds_what_touches_the_side) {
   EXPECT_TRUE(validate(closed.mesh, execution).sound());
   EXPECT_EQ(closed.mesh.labels, image.labels);
   EXPECT_GT(measure_fidelity(image, closed.mesh, 0, execution).mean_dice(), 0.9);
+}
+
+TEST(guaranteed_pipeline, borders_are_those_of_the_mesh) {
+  const LabelImage<3> image = testing::noise_image<3>({15, 14, 12}, 3, 3);
+  Execution execution(2);
+  const auto meshed = [&](const std::function<void(MeshOptions&)>& change) {
+    MeshOptions options;
+    options.sizes.min_size = 3;
+    change(options);
+    return mesh_image(image, options, execution);
+  };
+  for (const bool closed : {false, true})
+    for (const bool keep : {false, true}) {
+      const MeshResult<3> result = meshed([&](MeshOptions& o) {
+        o.closed_border = closed;
+        o.keep_background = keep;
+      });
+      ASSERT_TRUE(result.borders);
+      const Borders expected = find_borders(result.mesh, execution);
+      EXPECT_EQ(result.borders->vertices, expected.vertices);
+      ASSERT_EQ(result.borders->facets.size(), expected.facets.size());
+      for (std::size_t i = 0; i < expected.facets.size(); ++i) {
+        EXPECT_EQ(result.borders->facets[i].own.cell, expected.facets[i].own.cell);
+        EXPECT_EQ(result.borders->facets[i].own.facet, expected.facets[i].own.facet);
+        EXPECT_EQ(result.borders->facets[i].beyond.cell, expected.facets[i].beyond.cell);
+      }
+    }
+  EXPECT_FALSE(meshed([](MeshOptions& o) { o.elements = Elements::hybrid; }).borders);
+  EXPECT_FALSE(meshed([](MeshOptions& o) { o.sizes.min_size = 1; }).borders);
 }
 
 TEST(guaranteed_pipeline, grey_values_place_the_surface_between_voxels) {

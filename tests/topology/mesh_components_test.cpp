@@ -103,6 +103,19 @@ std::int64_t sort_uniform_cells(Mesh<Dim>& mesh) {
 }
 
 template <int Dim>
+void expect_same(const Mesh<Dim>& mesh, const MeshComponents<Dim>& plain, const MeshComponents<Dim>& known) {
+  const Execution execution(3);
+  EXPECT_EQ(plain.count(execution), known.count(execution));
+  const auto as_tuple = [](const MeshPinch& p) { return std::tuple(p.vertex, p.material, p.sheets); };
+  ASSERT_EQ(plain.pinches().size(), known.pinches().size());
+  for (std::size_t i = 0; i < plain.pinches().size(); ++i)
+    EXPECT_EQ(as_tuple(plain.pinches()[i]), as_tuple(known.pinches()[i]));
+  std::map<MeshComponents<3>::Index, MeshComponents<3>::Index> number;
+  for (std::int64_t c = 0; c < mesh.blocks[0].size(); ++c)
+    EXPECT_EQ(number.try_emplace(plain.of(0, c), known.of(0, c)).first->second, known.of(0, c));
+}
+
+template <int Dim>
 void expect_the_same_of_a_known_mesh(const LabelImage<Dim>& image, double size) {
   MeshOptions options;
   options.sizes.min_size = size;
@@ -114,15 +127,10 @@ void expect_the_same_of_a_known_mesh(const LabelImage<Dim>& image, double size) 
       block.materials[c] = (block.materials[c] + 1) % static_cast<MaterialId>(mesh.labels.size());
   const std::int64_t uniform = sort_uniform_cells(mesh);
   EXPECT_GT(uniform, 0);
-  const MeshComponents<Dim> plain(mesh, execution), known(mesh, execution, {image.size(), uniform});
-  EXPECT_EQ(plain.count(execution), known.count(execution));
-  const auto as_tuple = [](const MeshPinch& p) { return std::tuple(p.vertex, p.material, p.sheets); };
-  ASSERT_EQ(plain.pinches().size(), known.pinches().size());
-  for (std::size_t i = 0; i < plain.pinches().size(); ++i)
-    EXPECT_EQ(as_tuple(plain.pinches()[i]), as_tuple(known.pinches()[i]));
-  std::map<MeshComponents<3>::Index, MeshComponents<3>::Index> number;
-  for (std::int64_t c = 0; c < mesh.blocks[0].size(); ++c)
-    EXPECT_EQ(number.try_emplace(plain.of(0, c), known.of(0, c)).first->second, known.of(0, c));
+  const MeshComponents<Dim> plain(mesh, execution);
+  expect_same(mesh, plain, MeshComponents<Dim>(mesh, execution, {image.size(), uniform}));
+  const Borders borders = find_borders(mesh, execution);
+  expect_same(mesh, plain, MeshComponents<Dim>(mesh, execution, {.borders = &borders}));
 }
 
 TEST(MeshComponents, WhatIsKnownOfAMeshChangesNothing) {

@@ -5,6 +5,7 @@
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_pipeline.h>
 #include <tbb/parallel_sort.h>
 
 #include <algorithm>
@@ -41,6 +42,31 @@ void parallel_for(const Execution& execution, std::int64_t n, std::int64_t grain
   });
 }
 
+/// Calls make(i, slot) for every i in [0, n), several at a time, and use(i, slot) for each after that, one after the
+/// other in ascending order, while others are made. What make() leaves in a slot, a number below `slots`, stays there
+/// until use() has seen it.
+template <class Make, class Use>
+void parallel_in_order(const Execution& execution, std::int64_t n, std::size_t slots, Make&& make, Use&& use) {
+  using tbb::filter_mode;
+  execution.check();
+  // An item enters when fewer than `slots` are on their way, and they leave in order: each has a slot of its own.
+  const auto slot = [&](std::int64_t i) { return static_cast<std::size_t>(i) % slots; };
+  std::int64_t next = 0;
+  const auto enter =
+      tbb::make_filter<void, std::int64_t>(filter_mode::serial_in_order, [&](tbb::flow_control& control) {
+        if (next == n) control.stop();
+        return next++;
+      });
+  const auto work = tbb::make_filter<std::int64_t, std::int64_t>(filter_mode::parallel, [&](std::int64_t i) {
+    execution.check();
+    make(i, slot(i));
+    return i;
+  });
+  const auto leave =
+      tbb::make_filter<std::int64_t, void>(filter_mode::serial_in_order, [&](std::int64_t i) { use(i, slot(i)); });
+  execution.run([&] { tbb::parallel_pipeline(slots, enter & work & leave); });
+}
+
 /// Sorts by `less`, which must be a strict total order, so that the result does not depend on the threads.
 template <class T, class Less = std::less<T>>
 void parallel_sort(const Execution& execution, std::vector<T>& values, Less less = {}) {
@@ -73,6 +99,21 @@ T exclusive_scan(std::span<T> counts) {
     sum += n;
   }
   return sum;
+}
+
+/// What several lists hold, one after the other; leaves them empty.
+template <class T>
+RawVector<T> joined(const Execution& execution, std::vector<std::vector<T>>& lists) {
+  std::vector<std::size_t> first;
+  first.reserve(lists.size());
+  for (const auto& list : lists) first.push_back(list.size());
+  RawVector<T> all(exclusive_scan(std::span(first)));
+  parallel_for(execution, static_cast<std::int64_t>(lists.size()), 1, [&](std::int64_t i) {
+    const auto list = static_cast<std::size_t>(i);
+    std::ranges::copy(lists[list], all.begin() + static_cast<std::ptrdiff_t>(first[list]));
+    lists[list] = {};
+  });
+  return all;
 }
 
 /// Sum (or another associative combination) over fixed blocks, combined in the order of the blocks.

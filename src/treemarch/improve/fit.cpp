@@ -16,7 +16,8 @@
 #include "treemarch/improve/star_check.h"
 #include "treemarch/improve/stratum.h"
 #include "treemarch/improve/sweep.h"
-#include "treemarch/mesh/interfaces.h"
+#include "treemarch/mesh/borders.h"
+#include "treemarch/mesh/cell_topology.h"
 
 namespace treemarch {
 namespace {
@@ -133,6 +134,12 @@ class Fitter {
 
  private:
   void set_order(Facet<Dim>& f) const;
+  [[nodiscard]] std::array<Vec<Dim>, Dim> corners(const Facet<Dim>& f) const {
+    std::array<Vec<Dim>, Dim> p;
+    for (int k = 0; k < Dim; ++k) p[k] = mesh_.points[f.v[k]];
+    return p;
+  }
+  [[nodiscard]] RawVector<Facet<Dim>> interfaces() const;
   void find_facets();
   void sort_by_place();
   [[nodiscard]] double sharpness_of(double longest) const;
@@ -198,28 +205,45 @@ void Fitter<Dim>::set_order(Facet<Dim>& f) const {
   }
 }
 
+/// All facets of interfaces, by their vertices.
+template <int Dim>
+RawVector<Facet<Dim>> Fitter<Dim>::interfaces() const {
+  Borders found;
+  if (!options_.borders) found = find_borders(mesh_, execution_);
+  const RawVector<SharedFacet>& facets = (options_.borders ? *options_.borders : found).facets;
+  const auto material = [&](const FacetSide& s) { return mesh_.blocks[s.block].materials[s.cell]; };
+  const auto add = [&](const SharedFacet& shared, std::vector<Facet<Dim>>& to) {
+    const CellBlock& block = mesh_.blocks[shared.own.block];
+    const LocalFacet& local = topology(block.type).facets[shared.own.facet];
+    Facet<Dim> f;
+    f.first = material(shared.own);
+    f.second = shared.is_on_hull() ? options_.outside : material(shared.beyond);
+    // Others than simplices are of cells that stay as they are.
+    if (f.first == f.second || f.second == kOutside || local.size != Dim) return;
+    for (int k = 0; k < Dim; ++k) f.v[k] = block.cell(static_cast<std::int64_t>(shared.own.cell))[local.vertex[k]];
+    if (shared.is_on_hull() && lies_on_box(corners(f))) return;
+    set_order(f);
+    to.push_back(f);
+  };
+  std::vector<std::vector<Facet<Dim>>> parts(static_cast<std::size_t>(block_count(std::ssize(facets), kBlock)));
+  parallel_for(execution_, std::ssize(parts), 1, [&](std::int64_t part) {
+    for (std::int64_t i = part * kBlock; i < std::min(std::ssize(facets), (part + 1) * kBlock); ++i)
+      add(facets[i], parts[part]);
+  });
+  return joined(execution_, parts);
+}
+
 /// The vertices whose facets are large on average, and all their facets.
 template <int Dim>
 void Fitter<Dim>::find_facets() {
-  std::vector<FacetBlock> blocks =
-      extract_interfaces(mesh_, options_.outside == kOutside ? Hull::leave_out : Hull::include, execution_);
-  // Others are of cells that stay as they are.
-  std::erase_if(blocks, [](const FacetBlock& block) { return vertex_count(block.type) != Dim; });
-  if (blocks.empty()) return;
-  const FacetBlock& block = blocks.front();
-  constexpr float kLeftOut = -1e30F;
-  std::vector<float> above(static_cast<std::size_t>(block.size()));  // length above the limit
-  parallel_for(execution_, block.size(), kBlock, [&](std::int64_t i) {
-    std::array<Vec<Dim>, Dim> p;
-    for (int k = 0; k < Dim; ++k) p[k] = mesh_.points[block.vertices[i * Dim + k]];
-    above[i] = block.second[i] == kOutside && lies_on_box(p)
-                   ? kLeftOut
-                   : static_cast<float>(std::sqrt(longest_edge2<Dim>(p)) / voxel_ - kFine);
+  const RawVector<Facet<Dim>> all = interfaces();
+  RawVector<float> above(all.size());  // length above the limit
+  parallel_for(execution_, std::ssize(all), kBlock, [&](std::int64_t i) {
+    above[i] = static_cast<float>(std::sqrt(longest_edge2<Dim>(corners(all[i]))) / voxel_ - kFine);
   });
   std::vector<float> excess(mesh_.points.size(), 0);
-  for (std::int64_t i = 0; i < block.size(); ++i)
-    if (above[i] != kLeftOut)
-      for (int k = 0; k < Dim; ++k) excess[block.vertices[i * Dim + k]] += above[i];
+  for (std::size_t i = 0; i < all.size(); ++i)
+    for (const VertexId v : all[i].v) excess[v] += above[i];
   for (std::size_t v = 0; v < excess.size(); ++v)
     if (excess[v] > 0) chosen_.push_back(static_cast<VertexId>(v));
   sort_by_place();
@@ -227,24 +251,18 @@ void Fitter<Dim>::find_facets() {
   rank_.assign(mesh_.points.size(), kNone);
   for (std::size_t i = 0; i < order_.size(); ++i) rank_[order_[i]] = static_cast<std::uint32_t>(i);
   // Where a facet goes: to the first of its vertices.
-  std::vector<std::uint32_t> to(above.size()), next(order_.size() + 1, 0);
-  parallel_for(execution_, block.size(), kBlock, [&](std::int64_t i) {
+  std::vector<std::uint32_t> to(all.size()), next(order_.size() + 1, 0);
+  parallel_for(execution_, std::ssize(all), kBlock, [&](std::int64_t i) {
     to[i] = kNone;
-    if (above[i] != kLeftOut)
-      for (int k = 0; k < Dim; ++k) to[i] = std::min(to[i], rank_[block.vertices[i * Dim + k]]);
+    for (const VertexId v : all[i].v) to[i] = std::min(to[i], rank_[v]);
   });
   for (const std::uint32_t first : to)
     if (first != kNone) ++next[first];
   facets_.resize(exclusive_scan(std::span(next)));
   for (std::uint32_t& first : to)
     if (first != kNone) first = next[first]++;
-  parallel_for(execution_, block.size(), kBlock, [&](std::int64_t i) {
-    if (to[i] == kNone) return;
-    Facet<Dim>& f = facets_[to[i]];
-    std::copy_n(block.vertices.begin() + i * Dim, Dim, f.v.begin());
-    f.first = block.first[i];
-    f.second = block.second[i] == kOutside ? options_.outside : block.second[i];
-    set_order(f);
+  parallel_for(execution_, std::ssize(all), kBlock, [&](std::int64_t i) {
+    if (to[i] != kNone) facets_[to[i]] = all[i];
   });
 }
 
@@ -386,8 +404,7 @@ double Fitter<Dim>::sharpness_of(double longest) const {
 /// Fills the links of a facet; returns the area that its samples stand for, and the sum of t^2.
 template <int Dim>
 std::array<double, 2> Fitter<Dim>::measure(const Facet<Dim>& f) {
-  std::array<Vec<Dim>, Dim> p;
-  for (int k = 0; k < Dim; ++k) p[k] = mesh_.points[f.v[k]];
+  const std::array<Vec<Dim>, Dim> p = corners(f);
   const double longest = std::sqrt(longest_edge2<Dim>(p));
   Shape<Dim> shape{f.first, f.second, (f.flipped ? -1.0 : 1.0) * area_normal(p)};
   const double area = norm(shape.normal);

@@ -10,14 +10,16 @@
 #include "treemarch/core/vec.h"
 #include "treemarch/field/field.h"
 #include "treemarch/improve/anchors.h"
+#include "treemarch/mesh/borders.h"
 #include "treemarch/mesh/mesh.h"
 
 namespace treemarch {
 
 struct FitOptions {
   double quality = 20;  ///< in degrees (mesh/simplex_quality.h): cells around a vertex that moves have it; 0: no moves
-  MaterialId outside = kOutside;    ///< the material that was left out of the mesh, if any
-  std::span<const Anchor> anchors;  ///< that moves shall keep, by their points
+  MaterialId outside = kOutside;     ///< the material that was left out of the mesh, if any
+  std::span<const Anchor> anchors;   ///< that moves shall keep, by their points
+  const Borders* borders = nullptr;  ///< of the mesh; looked for where they are not given
 };
 
 struct FitReport {

@@ -118,7 +118,7 @@ class Repairer {
     }
     for (const Stray& s : strays)
       for (const CellId c : s.cells) cells.push_back({c, kReachOfPinches});
-    const std::vector<BorderFacet>& facets = components.facets();
+    const auto& facets = components.facets();
     std::vector<std::vector<Reach>> pinched(static_cast<std::size_t>(block_count(std::ssize(facets), kFacetsPerTask)));
     parallel_for(execution_, std::ssize(pinched), 1, [&](std::int64_t task) {
       const std::int64_t begin = task * kFacetsPerTask, end = std::min(std::ssize(facets), begin + kFacetsPerTask);

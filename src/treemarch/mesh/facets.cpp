@@ -188,8 +188,8 @@ class Sorter {
     while (first_facet_[b] > facet) --b;
     const auto per_cell = static_cast<std::uint32_t>(topology(mesh_.blocks[b].type).facet_count);
     const std::uint32_t local = facet - first_facet_[b];
-    if (per_cell == 4) return {local / 4, static_cast<std::uint8_t>(b), static_cast<std::uint8_t>(local % 4)};
-    return {local / per_cell, static_cast<std::uint8_t>(b), static_cast<std::uint8_t>(local % per_cell)};
+    if (per_cell == 4) return {local / 4, b, local % 4};
+    return {local / per_cell, b, local % per_cell};
   }
 
   const Mesh<Dim>& mesh_;

@@ -13,9 +13,9 @@ namespace treemarch {
 
 /// One cell beside a facet.
 struct FacetSide {
-  std::int64_t cell;   ///< within its block
-  std::uint8_t block;  ///< index into Mesh::blocks
-  std::uint8_t facet;  ///< index into topology(type).facets
+  std::uint64_t cell : 48;  ///< within its block
+  std::uint64_t block : 8;  ///< index into Mesh::blocks
+  std::uint64_t facet : 8;  ///< index into topology(type).facets
 };
 
 /// Number of parts into which visit_facets() divides the facets of a mesh of so many points.

@@ -1,31 +1,34 @@
 #include "treemarch/mesh/interfaces.h"
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <utility>
 
-#include "treemarch/mesh/border_vertices.h"
+#include "treemarch/core/parallel.h"
+#include "treemarch/mesh/borders.h"
 #include "treemarch/mesh/cell_topology.h"
-#include "treemarch/mesh/facets.h"
 
 namespace treemarch {
 namespace {
+
+constexpr std::int64_t kFacetsPerPart = 1 << 14;
 
 /// What one part of the facets contributes: by number of vertices, lines (2), triangles (3) and quads (4).
 using PartBlocks = std::array<FacetBlock, 5>;
 
 template <int Dim>
-void add_facet(const Mesh<Dim>& mesh, std::span<const FacetSide> sides, Hull hull, PartBlocks& out) {
+void add_facet(const Mesh<Dim>& mesh, const SharedFacet& shared, Hull hull, PartBlocks& out) {
   auto material = [&](const FacetSide& side) { return mesh.blocks[side.block].materials[side.cell]; };
-  const FacetSide* inner = &sides[0];
-  MaterialId first = material(sides[0]);
+  const FacetSide* inner = &shared.own;
+  MaterialId first = material(shared.own);
   MaterialId second = kOutside;
-  if (sides.size() > 1) {
-    second = material(sides[1]);
+  if (!shared.is_on_hull()) {
+    second = material(shared.beyond);
     if (first == second) return;
     if (mesh.labels[second] < mesh.labels[first]) {
       std::swap(first, second);
-      inner = &sides[1];
+      inner = &shared.beyond;
     }
   } else if (hull == Hull::leave_out) {
     return;
@@ -47,14 +50,13 @@ void append(std::vector<T>& to, const std::vector<T>& from) {
 
 template <int Dim>
 std::vector<FacetBlock> extract_interfaces(const Mesh<Dim>& mesh, Hull hull, const Execution& execution) {
-  std::vector<std::uint8_t> borders(mesh.points.size());
-  mark_interfaces(mesh, 0, borders, execution);
-  if (hull == Hull::include) mark_hull(mesh, 0, borders, execution);
-  std::vector<PartBlocks> parts(facet_part_count(static_cast<std::int64_t>(mesh.points.size())));
-  visit_facets<Dim>(
-      mesh, execution,
-      [&](std::int64_t part, std::span<const FacetSide> sides) { add_facet(mesh, sides, hull, parts[part]); },
-      {borders});
+  const Borders borders = find_borders(mesh, execution);
+  const auto facets = std::ssize(borders.facets);
+  std::vector<PartBlocks> parts(static_cast<std::size_t>(block_count(facets, kFacetsPerPart)));
+  parallel_for(execution, std::ssize(parts), 1, [&](std::int64_t part) {
+    for (std::int64_t i = part * kFacetsPerPart; i < std::min(facets, (part + 1) * kFacetsPerPart); ++i)
+      add_facet(mesh, borders.facets[static_cast<std::size_t>(i)], hull, parts[static_cast<std::size_t>(part)]);
+  });
   std::vector<FacetBlock> result;
   constexpr std::pair<int, CellType> kTypes[] = {{2, CellType::line}, {3, CellType::triangle}, {4, CellType::quad}};
   for (const auto& [size, type] : kTypes) {

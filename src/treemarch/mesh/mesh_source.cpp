@@ -11,20 +11,18 @@ std::vector<std::uint64_t> write_chunks(OutputFile& file, const Execution& execu
                                         std::int64_t chunk,
                                         const std::function<void(std::int64_t, std::int64_t, std::string&)>& make) {
   const std::int64_t count = block_count(n, chunk);
-  std::vector<std::string> batch(static_cast<std::size_t>(std::min<std::int64_t>(count, 2 * execution.threads())));
+  std::vector<std::string> made(static_cast<std::size_t>(2 * execution.threads()));
   std::vector<std::uint64_t> sizes;
-  for (std::int64_t first = 0; first < count; first += static_cast<std::int64_t>(batch.size())) {
-    const auto now = std::min<std::int64_t>(count - first, static_cast<std::int64_t>(batch.size()));
-    parallel_for(execution, now, 1, [&](std::int64_t i) {
-      const std::int64_t begin = (first + i) * chunk;
-      batch[i].clear();
-      make(begin, std::min(n, begin + chunk), batch[i]);
-    });
-    for (std::int64_t i = 0; i < now; ++i) {
-      file.write(batch[i]);
-      sizes.push_back(batch[i].size());
-    }
-  }
+  parallel_in_order(
+      execution, count, made.size(),
+      [&](std::int64_t i, std::size_t slot) {
+        made[slot].clear();
+        make(i * chunk, std::min(n, (i + 1) * chunk), made[slot]);
+      },
+      [&](std::int64_t, std::size_t slot) {
+        file.write(made[slot]);
+        sizes.push_back(made[slot].size());
+      });
   return sizes;
 }
 

@@ -104,10 +104,10 @@ struct Shaping {
   bool cubic;           ///< whether cells are cubes up to kMostStretch
 };
 
-/// From a lattice and a field to the mesh.
+/// From a lattice and a field to the mesh, and to its borders if they are found on the way.
 template <int Dim>
 Mesh<Dim> shape_mesh(const Shaping<Dim>& how, SimplexLattice<Dim>& lattice, bool last, const Field<Dim>& field,
-                     GuaranteeReport& report, Execution& execution) {
+                     GuaranteeReport& report, std::optional<Borders>& borders, Execution& execution) {
   std::optional<Execution::Stage> stage;
   stage.emplace(execution, "cut");
   CutOptions cut;
@@ -150,12 +150,14 @@ Mesh<Dim> shape_mesh(const Shaping<Dim>& how, SimplexLattice<Dim>& lattice, bool
 
   if (how.coarse) {
     stage.emplace(execution, "fit");
+    borders = find_borders(mesh, execution);
     report.fit = fit_interfaces(mesh, field, how.image.size(),
-                                {how.options.quality, how.left_out, report.repair.anchors}, execution);
+                                {how.options.quality, how.left_out, report.repair.anchors, &*borders}, execution);
   }
 
   if (hybrid) {
     stage.emplace(execution, "whole cells");
+    borders.reset();  // other cells have other facets
     WholeCellOptions whole;
     whole.quality = std::max(how.options.quality, report.quality_floor);
     keep_whole(mesh, lattice, whole, execution);
@@ -169,7 +171,7 @@ Mesh<Dim> shape_mesh(const Shaping<Dim>& how, SimplexLattice<Dim>& lattice, bool
 
 template <int Dim>
 Mesh<Dim> mesh_with_guarantee(const LabelImage<Dim>& given, const GreyInput<Dim>* grey, const MeshOptions& options,
-                              GuaranteeReport& report, Execution& execution) {
+                              GuaranteeReport& report, std::optional<Borders>& borders, Execution& execution) {
   if (options.closed_border && grey)
     throw Error(ErrorKind::usage, "--border: cannot be closed with a grey image; pad the image or choose flat");
   std::optional<LabelImage<Dim>> larger;
@@ -203,12 +205,12 @@ Mesh<Dim> mesh_with_guarantee(const LabelImage<Dim>& given, const GreyInput<Dim>
                          is_coarse(rule, *std::ranges::min_element(image.frame.spacing)),
                          stretch(sized.lattice) <= kMostStretch};
   stage.reset();
-  Mesh<Dim> mesh = shape_mesh(how, lattice, !options.preserve_volume, field, report, execution);
+  Mesh<Dim> mesh = shape_mesh(how, lattice, !options.preserve_volume, field, report, borders, execution);
   if (options.preserve_volume) {
     VolumeKeeper<Dim> keeper(image, drop ? background : kOutside);
     while (keeper.look(mesh, report.volume, execution)) {
       field = make_field(image, grey, kind, options, execution, keeper.scale());
-      mesh = shape_mesh(how, lattice, false, field, report, execution);
+      mesh = shape_mesh(how, lattice, false, field, report, borders, execution);
     }
     if (report.volume.labels_off > 0)
       execution.warn("--preserve-volume: " + std::to_string(report.volume.labels_off) + " of " +
@@ -221,7 +223,7 @@ Mesh<Dim> mesh_with_guarantee(const LabelImage<Dim>& given, const GreyInput<Dim>
 
 #define TREEMARCH_INSTANTIATE(DIM)                                                                          \
   template Mesh<DIM> mesh_with_guarantee(const LabelImage<DIM>&, const GreyInput<DIM>*, const MeshOptions&, \
-                                         GuaranteeReport&, Execution&);
+                                         GuaranteeReport&, std::optional<Borders>&, Execution&);
 TREEMARCH_INSTANTIATE(2)
 TREEMARCH_INSTANTIATE(3)
 #undef TREEMARCH_INSTANTIATE

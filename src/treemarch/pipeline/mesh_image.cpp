@@ -96,7 +96,7 @@ MeshResult<Dim> mesh_image(const LabelImage<Dim>& image, const MeshOptions& opti
   else if (boxes)
     result.mesh = mesh_by_boxes(image, grey, options, result.shift.emplace(), execution);
   else if (guaranteed)
-    result.mesh = mesh_with_guarantee(image, grey, options, result.guarantee.emplace(), execution);
+    result.mesh = mesh_with_guarantee(image, grey, options, result.guarantee.emplace(), result.borders, execution);
   else
     result.mesh = options.method == Method::paper ? mesh_by_paper(image, grey, options, execution)
                                                   : mesh_by_reference(image, grey, options, execution);

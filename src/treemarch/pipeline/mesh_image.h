@@ -10,6 +10,7 @@
 #include "treemarch/core/execution.h"
 #include "treemarch/field/field.h"
 #include "treemarch/image/label_image.h"
+#include "treemarch/mesh/borders.h"
 #include "treemarch/mesh/mesh.h"
 #include "treemarch/report/guarantee.h"
 #include "treemarch/sizing/default_sizes.h"
@@ -85,7 +86,8 @@ struct MeshResult {
   Mesh<Dim> mesh;
   std::optional<GuaranteeReport> guarantee;
   std::optional<ShiftReport> shift;
-  double seconds = 0;  ///< from the image in memory to the mesh in memory
+  std::optional<Borders> borders;  ///< of the mesh, if they were found on the way
+  double seconds = 0;              ///< from the image in memory to the mesh in memory
 };
 
 /// Meshes an image; one of four dimensions (space and time) by Method::paper only. The times of the stages are in

@@ -2,8 +2,11 @@
 /// The methods behind mesh_image(): each is the ordered list of its stages, from an image to a mesh.
 #pragma once
 
+#include <optional>
+
 #include "treemarch/core/execution.h"
 #include "treemarch/image/label_image.h"
+#include "treemarch/mesh/borders.h"
 #include "treemarch/mesh/mesh.h"
 #include "treemarch/pipeline/mesh_image.h"
 
@@ -24,9 +27,10 @@ Mesh<Dim> mesh_by_reference(const LabelImage<Dim>& image, const GreyInput<Dim>* 
 Mesh<4> mesh_space_time(const LabelImage<4>& image, const MeshOptions& options, Execution& execution);
 
 /// The method with bounded angles (docs/stages/cut.md). Leaves the background out unless it is to be kept.
+/// \param borders those of the mesh, if they are found on the way
 template <int Dim>
 Mesh<Dim> mesh_with_guarantee(const LabelImage<Dim>& image, const GreyInput<Dim>* grey, const MeshOptions& options,
-                              GuaranteeReport& report, Execution& execution);
+                              GuaranteeReport& report, std::optional<Borders>& borders, Execution& execution);
 
 /// Hexahedra that follow the lattice of the image, their vertices shifted onto interfaces (docs/stages/hybrid.md).
 /// Meshes the background too.

@@ -206,10 +206,10 @@ Fidelity measure_labels(const Mesh<Dim>& mesh, const Execution& execution) {
 
 template <int Dim>
 Fidelity measure_fidelity(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, std::int32_t background,
-                          const Execution& execution, std::int64_t min_component) {
+                          const Execution& execution, std::int64_t min_component, const Borders* borders) {
   const std::vector<MaterialId> to_image = match_labels(mesh.labels, image.labels);
   const ComponentMap map = map_components(image, execution);
-  const MeshComponents<Dim> components(mesh, execution);
+  const MeshComponents<Dim> components(mesh, execution, {.borders = borders});
   const UniformBlocks<Dim> uniform(image, execution);
   const PlainBlocks<Dim> plain(image, uniform, mesh, components.facets(), execution);
   Fidelity fidelity;
@@ -237,8 +237,12 @@ Fidelity measure_fidelity(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, s
 template Fidelity measure_labels(const Mesh<2>&, const Execution&);
 template Fidelity measure_labels(const Mesh<3>&, const Execution&);
 template Fidelity measure_labels(const Mesh<4>&, const Execution&);
-template Fidelity measure_fidelity(const LabelImage<2>&, const Mesh<2>&, std::int32_t, const Execution&, std::int64_t);
-template Fidelity measure_fidelity(const LabelImage<3>&, const Mesh<3>&, std::int32_t, const Execution&, std::int64_t);
-template Fidelity measure_fidelity(const LabelImage<4>&, const Mesh<4>&, std::int32_t, const Execution&, std::int64_t);
+#define TREEMARCH_INSTANTIATE(DIM)                                                                             \
+  template Fidelity measure_fidelity(const LabelImage<DIM>&, const Mesh<DIM>&, std::int32_t, const Execution&, \
+                                     std::int64_t, const Borders*);
+TREEMARCH_INSTANTIATE(2)
+TREEMARCH_INSTANTIATE(3)
+TREEMARCH_INSTANTIATE(4)
+#undef TREEMARCH_INSTANTIATE
 
 }  // namespace treemarch

@@ -9,6 +9,7 @@
 
 #include "treemarch/core/execution.h"
 #include "treemarch/image/label_image.h"
+#include "treemarch/mesh/borders.h"
 #include "treemarch/mesh/mesh.h"
 #include "treemarch/report/interface_distance.h"
 #include "treemarch/report/topology_report.h"
@@ -49,9 +50,10 @@ Fidelity measure_labels(const Mesh<Dim>& mesh, const Execution& execution);
 /// several do, its own material counts if it is among them, else the one that comes first in the image.
 /// \param background label that may be missing from the mesh.
 /// \param min_component voxels of a component that must survive as one.
+/// \param borders those of the mesh, if they are known.
 /// \pre the points are in the inner frame of the image. Labels are compared by value.
 template <int Dim>
 Fidelity measure_fidelity(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, std::int32_t background,
-                          const Execution& execution, std::int64_t min_component = 8);
+                          const Execution& execution, std::int64_t min_component = 8, const Borders* borders = nullptr);
 
 }  // namespace treemarch

@@ -7,7 +7,6 @@
 
 #include "treemarch/core/error.h"
 #include "treemarch/core/parallel.h"
-#include "treemarch/mesh/border_vertices.h"
 #include "treemarch/mesh/cell_topology.h"
 #include "treemarch/topology/vertex_link.h"
 
@@ -35,14 +34,7 @@ MeshComponents<Dim>::MeshComponents(const Mesh<Dim>& mesh, const Execution& exec
       known_(known),
       border_(mesh.points.size()),
       material_of_part_(filled(execution, mesh.points.size(), kUnused)) {
-  if (known.at_interfaces.empty())
-    mark_interfaces(mesh, known.uniform_cells, border_, execution);
-  else
-    std::ranges::copy(known.at_interfaces, border_.begin());
-  if (known.fills)
-    mark_sides(*known.fills, execution);
-  else
-    mark_hull(mesh, known.uniform_cells, border_, execution);
+  mark_borders(execution);
   // Uniform cells have inner vertices, and need no number.
   std::size_t n = mesh.points.size() - static_cast<std::size_t>(known.uniform_cells);
   for (const CellBlock& block : mesh.blocks) {
@@ -56,6 +48,22 @@ MeshComponents<Dim>::MeshComponents(const Mesh<Dim>& mesh, const Execution& exec
   join_inside(execution);
   join_at_borders(execution);
   if constexpr (Dim < 4) find_pinches(execution);
+}
+
+template <int Dim>
+void MeshComponents<Dim>::mark_borders(const Execution& execution) {
+  if (known_.borders) {
+    border_ = known_.borders->vertices;
+    return;
+  }
+  if (known_.at_interfaces.empty())
+    mark_interfaces(mesh_, known_.uniform_cells, border_, execution);
+  else
+    std::ranges::copy(known_.at_interfaces, border_.begin());
+  if (known_.fills)
+    mark_sides(*known_.fills, execution);
+  else
+    mark_hull(mesh_, known_.uniform_cells, border_, execution);
 }
 
 /// Marks vertices on the sides of the box that the mesh fills.
@@ -111,29 +119,33 @@ void MeshComponents<Dim>::join_inside(const Execution& execution) {
 /// Of the facets without an inner vertex, which all border facets are.
 template <int Dim>
 void MeshComponents<Dim>::join_at_borders(const Execution& execution) {
-  const auto material = [&](const FacetSide& s) {
-    return mesh_.blocks[s.block].materials[static_cast<std::size_t>(s.cell)];
+  const auto material = [&](const FacetSide& s) { return mesh_.blocks[s.block].materials[s.cell]; };
+  const auto part = [&](const FacetSide& s) { return part_of(s.block, static_cast<std::int64_t>(s.cell)); };
+  const auto look = [&](const SharedFacet& facet, std::vector<BorderFacet>& borders) {
+    const MaterialId own = material(facet.own), beyond = facet.is_on_hull() ? kOutside : material(facet.beyond);
+    if (own != beyond)
+      borders.push_back({facet.own, own, beyond});
+    else
+      sets_.join(part(facet.own), part(facet.beyond));
   };
-  std::vector<std::vector<BorderFacet>> found(
-      static_cast<std::size_t>(facet_part_count(static_cast<std::int64_t>(mesh_.points.size()))));
-  visit_facets(mesh_, execution,
-               [&](std::int64_t part, std::span<const FacetSide> sides) {
-                 const MaterialId own = material(sides[0]), beyond = sides.size() > 1 ? material(sides[1]) : kOutside;
-                 if (own != beyond)
-                   found[static_cast<std::size_t>(part)].push_back({sides[0], own, beyond});
-                 else
-                   sets_.join(part_of(sides[0].block, sides[0].cell), part_of(sides[1].block, sides[1].cell));
-               },
-               {border_, known_.uniform_cells});
-  std::vector<std::size_t> first;
-  first.reserve(found.size());
-  for (const auto& part : found) first.push_back(part.size());
-  facets_.resize(exclusive_scan(std::span(first)));
-  parallel_for(execution, std::ssize(found), 1, [&](std::int64_t p) {
-    const auto part = static_cast<std::size_t>(p);
-    std::ranges::copy(found[part], facets_.begin() + static_cast<std::ptrdiff_t>(first[part]));
-    found[part] = {};
-  });
+  std::vector<std::vector<BorderFacet>> found;
+  if (known_.borders) {
+    const RawVector<SharedFacet>& facets = known_.borders->facets;
+    found.resize(static_cast<std::size_t>(block_count(std::ssize(facets), kCellsPerTask)));
+    parallel_for(execution, std::ssize(found), 1, [&](std::int64_t task) {
+      const std::int64_t end = std::min(std::ssize(facets), (task + 1) * kCellsPerTask);
+      for (std::int64_t i = task * kCellsPerTask; i < end; ++i)
+        look(facets[static_cast<std::size_t>(i)], found[static_cast<std::size_t>(task)]);
+    });
+  } else {
+    found.resize(static_cast<std::size_t>(facet_part_count(static_cast<std::int64_t>(mesh_.points.size()))));
+    visit_facets(mesh_, execution,
+                 [&](std::int64_t at, std::span<const FacetSide> sides) {
+                   look(shared_facet(sides), found[static_cast<std::size_t>(at)]);
+                 },
+                 {border_, known_.uniform_cells});
+  }
+  facets_ = joined(execution, found);
 }
 
 /// Looks at each vertex with the border facets around it.

@@ -11,6 +11,7 @@
 #include "treemarch/core/execution.h"
 #include "treemarch/core/raw_vector.h"
 #include "treemarch/core/vec.h"
+#include "treemarch/mesh/borders.h"
 #include "treemarch/mesh/facets.h"
 #include "treemarch/mesh/marks.h"
 #include "treemarch/mesh/mesh.h"
@@ -46,6 +47,7 @@ struct KnownOfMesh {
   std::int64_t uniform_cells = 0;  ///< so many first cells of block 0 have no vertex with a cell of another material
   /// One a vertex: 0 where all cells around it are of one material, for certain; empty where nothing is known.
   std::span<const std::uint8_t> at_interfaces;
+  const Borders* borders = nullptr;  ///< its borders, if they are known; replaces all else
 };
 
 /// Components of the cells of each material, connected over facets, and where its boundary is no manifold. Refers to
@@ -72,7 +74,7 @@ class MeshComponents {
   [[nodiscard]] std::vector<std::int64_t> count(const Execution& execution) const;
   /// All facets between two materials and of the hull, by their vertices in ascending order; where the mesh is known to
   /// fill a box, some of its hull may be missing.
-  [[nodiscard]] const std::vector<BorderFacet>& facets() const { return facets_; }
+  [[nodiscard]] const RawVector<BorderFacet>& facets() const { return facets_; }
   /// All pinches, by vertex, then by material; none are looked for in four dimensions.
   [[nodiscard]] const std::vector<MeshPinch>& pinches() const { return pinches_; }
 
@@ -87,6 +89,7 @@ class MeshComponents {
     return part != kNoVertex ? part : static_cast<Index>(first_cell_[block] + static_cast<std::size_t>(cell));
   }
   [[nodiscard]] bool is_cell(Index part) const { return part >= mesh_.points.size(); }
+  void mark_borders(const Execution& execution);
   void mark_sides(const Vec<Dim>& far_corner, const Execution& execution);
   void join_uniform(const Execution& execution);
   void join_inside(const Execution& execution);
@@ -107,7 +110,7 @@ class MeshComponents {
   SharedDisjointSets sets_;
   RawVector<MaterialId> material_of_part_;  // of inner vertices that are the part of some cell, else kUnused
   std::vector<CellPlace> cells_at_borders_;
-  std::vector<BorderFacet> facets_;
+  RawVector<BorderFacet> facets_;
   std::vector<MeshPinch> pinches_;
 };
 

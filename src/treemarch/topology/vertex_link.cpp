@@ -108,13 +108,12 @@ int VertexLink<Dim>::excess_of(MaterialId material) {
   return curves - 1 + crossings;
 }
 
-/// Whether the border lies between two materials and is one simple closed curve, which most are: found by walking
-/// along.
+/// Whether the border lies between two materials, or one and the outside, and is one simple closed curve, which most
+/// are: found by walking along.
 template <int Dim>
 bool VertexLink<Dim>::is_simple() const {
   if constexpr (Dim == 2) return false;
   const Slot& first = border_[0];
-  if (first.first == kOutside || first.second == kOutside) return false;
   for (const Slot& b : border_)
     if ((b.first != first.first || b.second != first.second) && (b.first != first.second || b.second != first.first))
       return false;

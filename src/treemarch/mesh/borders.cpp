@@ -1,7 +1,9 @@
-#include "treemarch/mesh/border_vertices.h"
+#include "treemarch/mesh/borders.h"
 
+#include <algorithm>
 #include <array>
 #include <atomic>
+#include <span>
 
 #include "treemarch/core/parallel.h"
 #include "treemarch/core/scramble.h"
@@ -69,9 +71,27 @@ void mark_hull(const Mesh<Dim>& mesh, std::int64_t first_cell, std::vector<std::
   });
 }
 
+template <int Dim>
+Borders find_borders(const Mesh<Dim>& mesh, const Execution& execution) {
+  Borders borders;
+  borders.vertices.resize(mesh.points.size());
+  mark_interfaces(mesh, 0, borders.vertices, execution);
+  mark_hull(mesh, 0, borders.vertices, execution);
+  std::vector<std::vector<SharedFacet>> found(
+      static_cast<std::size_t>(facet_part_count(static_cast<std::int64_t>(mesh.points.size()))));
+  visit_facets<Dim>(mesh, execution,
+                    [&](std::int64_t part, std::span<const FacetSide> sides) {
+                      found[static_cast<std::size_t>(part)].push_back(shared_facet(sides));
+                    },
+                    {borders.vertices});
+  borders.facets = joined(execution, found);
+  return borders;
+}
+
 #define TREEMARCH_INSTANTIATE(DIM)                                                                             \
   template void mark_interfaces(const Mesh<DIM>&, std::int64_t, std::vector<std::uint8_t>&, const Execution&); \
-  template void mark_hull(const Mesh<DIM>&, std::int64_t, std::vector<std::uint8_t>&, const Execution&);
+  template void mark_hull(const Mesh<DIM>&, std::int64_t, std::vector<std::uint8_t>&, const Execution&);       \
+  template Borders find_borders(const Mesh<DIM>&, const Execution&);
 TREEMARCH_INSTANTIATE(2)
 TREEMARCH_INSTANTIATE(3)
 TREEMARCH_INSTANTIATE(4)
