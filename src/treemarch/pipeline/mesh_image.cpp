@@ -5,6 +5,7 @@
 #include <string>
 
 #include "treemarch/core/error.h"
+#include "treemarch/core/free_memory.h"
 #include "treemarch/pipeline/drop_material.h"
 #include "treemarch/pipeline/methods.h"
 #include "treemarch/pipeline/prepare.h"
@@ -16,6 +17,7 @@ namespace treemarch {
 namespace {
 
 constexpr double kMostQualityFloor = 18.4, kMostQuality = 40;
+constexpr std::int64_t kLargeImage = 50'000'000;  // voxels
 
 /// The bound on the angles holds for one kind of tree only.
 void check_guaranteed(const MeshOptions& options) {
@@ -100,6 +102,8 @@ MeshResult<Dim> mesh_image(const LabelImage<Dim>& image, const MeshOptions& opti
   else
     result.mesh = options.method == Method::paper ? mesh_by_paper(image, grey, options, execution)
                                                   : mesh_by_reference(image, grey, options, execution);
+  // The field of a large image takes as much memory as the image.
+  if (product(image.extent) >= kLargeImage) give_back_free_memory();
   const MaterialId background = material_of(image.labels, options.background);
   if (!guaranteed && !options.keep_background && background != kOutside)
     drop_material(result.mesh, background, execution);
