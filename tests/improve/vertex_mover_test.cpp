@@ -17,8 +17,8 @@ void check_moves(const LabelImage<Dim>& image) {
   const std::vector<VertexId> all = testing::all_vertices(cut.mesh);
   Execution execution(2);
   Patch<Dim> patch(cut.mesh, all, execution);
-  const MoveLimits limits{0.3, 0.1, 60};
-  int moved[4] = {};
+  const MoveLimits limits{.displacement = 0.1, .slack = 0.1, .goal = 60, .inner_reach = 0.5, .reach = 0.25};
+  int moved[4] = {}, far = 0;
   for (const VertexId v : all) {
     const Vec<Dim> start = patch.point(v);
     const Stratum stratum = stratum_of(patch, v, cut.box, cut.field);
@@ -33,7 +33,13 @@ void check_moves(const LabelImage<Dim>& image) {
         if (stratum.fixed_axes >> d & 1) {
           EXPECT_EQ(x[d], start[d]);
         }
-      EXPECT_LE(norm(x - start), limits.displacement);
+      double shortest = 1e9;
+      for (const CellId c : patch.star(v))
+        for (const VertexId w : patch.cell(c))
+          if (w != v) shortest = std::min(shortest, norm(patch.point(w) - start));
+      const double reach = shortest * (stratum.count == 1 ? limits.inner_reach : limits.reach);
+      EXPECT_LE(norm(x - start), std::max(limits.displacement, reach));
+      far += norm(x - start) > limits.displacement;
       if (stratum.count > 1 && constraint.known()) {
         EXPECT_LE(norm(constraint.to_stratum(x)), std::max(norm(constraint.to_stratum(start)), limits.slack) + 1e-6);
       }
@@ -49,6 +55,7 @@ void check_moves(const LabelImage<Dim>& image) {
   EXPECT_GT(moved[0], 10);
   EXPECT_GT(moved[1], 10);
   EXPECT_GT(moved[2], 1);
+  EXPECT_GT(far, 10);
 }
 
 TEST(FindBetterPlace, RaisesTheWorstWithinTheStratum2D) { check_moves(testing::mixed_image<2>({20, 17}, 4, 0.05, 1)); }

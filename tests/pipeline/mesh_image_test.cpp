@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <functional>
+#include <random>
 
 #include "support/images.h"
 #include "support/meshes.h"
@@ -139,6 +141,26 @@ TEST(MeshImage, AnglesOfTheDefaultAreBounded) {
     const MeshQuality quality = measure_quality(meshed(image, options), image.frame, 0, Execution(2));
     EXPECT_GE(quality.angles.min, 18 - 1e-6);
     EXPECT_LE(quality.angles.max, 157.5 + 1e-6);
+  }
+}
+
+/// Cells that are much larger than voxels reach the target of the improvement as well.
+TEST(MeshImage, LargeCellsReachTheTarget) {
+  for (unsigned seed = 0; seed < 12; ++seed) {
+    constexpr std::int32_t kSide = 800;
+    std::mt19937 random(seed);
+    std::array<Vec<2>, 10> seeds;
+    for (auto& s : seeds) s = {0.001 * kSide * (random() % 1000), 0.001 * kSide * (random() % 1000)};
+    std::vector<std::int32_t> labels;
+    for (std::int32_t y = 0; y < kSide; ++y)
+      for (std::int32_t x = 0; x < kSide; ++x) {
+        const auto distance = [&](const Vec<2>& s) { return squared_norm(Vec<2>{x + 0.5, y + 0.5} - s); };
+        labels.push_back(1 + static_cast<std::int32_t>(std::ranges::min_element(seeds, {}, distance) - seeds.begin()));
+      }
+    MeshOptions options;
+    options.sizes.min_size = seed % 2 ? 20 : 40;
+    const auto image = make_label_image<2>({kSide, kSide}, labels);
+    EXPECT_GE(measure_quality(meshed(image, options), image.frame, 0, Execution(2)).angles.min, 20) << seed;
   }
 }
 

@@ -43,7 +43,12 @@ class Improver {
       : mesh_(mesh), field_(field), box_(box), options_(options), execution_(execution) {
     double voxel = field.spacing()[0];
     for (const double h : field.spacing()) voxel = std::min(voxel, h);
-    limits_.displacement = options.max_displacement > 0 ? options.max_displacement : 0.5 * voxel;
+    limits_.displacement = options.max_displacement;
+    if (options.max_displacement <= 0) {  // large cells need more room than a voxel offers
+      limits_.displacement = 0.5 * voxel;
+      limits_.inner_reach = 0.5;
+      limits_.reach = 0.25;
+    }
     limits_.slack = kSlack * voxel;
     limits_.goal = options.quality + kHeadroom;
   }

@@ -16,8 +16,10 @@
 namespace treemarch {
 
 struct ImproveOptions {
-  double quality = 20;          ///< target in degrees (mesh/simplex_quality.h); 0 leaves the elements as they are
-  double max_displacement = 0;  ///< of a vertex from where it was, physical; 0 for half the smallest side of a voxel
+  double quality = 20;  ///< target in degrees (mesh/simplex_quality.h); 0 leaves the elements as they are
+  /// Of a vertex from where it was, physical. 0: half the smallest side of a voxel or, if that is more, a quarter of
+  /// the shortest edge at the vertex, a half within a material.
+  double max_displacement = 0;
   double seconds = 0;           ///< stops after so long (then the result depends on the machine); 0 for no limit
   int passes = 20;              ///< of operations that change the connectivity, at most
   std::int64_t first_cell = 0;  ///< cells before it meet the target and touch no interface but at vertices of others

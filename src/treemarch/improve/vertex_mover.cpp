@@ -126,13 +126,16 @@ class Search {
         limits_(limits),
         loose_(loose),
         start_(start),
-        best_(patch.point(v)) {}
+        best_(patch.point(v)),
+        reach_(limits.displacement) {}
 
   bool run(Vec<Dim>& x) {
     if (!can_move()) return false;
     quality_ = shape_.quality_at(best_, limits_.goal);
     if (quality_ >= limits_.goal) return false;
     shortest_ = shape_.shortest();
+    if (stratum_.count == 1 || constraint_.known())
+      reach_ = std::max(reach_, (stratum_.count == 1 ? limits_.inner_reach : limits_.reach) * shortest_);
     offset_ = offset(best_);
     const double first = quality_;
     for (const double part : {1.0, 0.4})
@@ -181,7 +184,7 @@ class Search {
   }
 
   bool take(const Vec<Dim>& x) {
-    if (squared_norm(x - start_) > limits_.displacement * limits_.displacement) return false;
+    if (squared_norm(x - start_) > reach_ * reach_) return false;
     if (!shape_.all_meet(x, quality_ + kRise)) return false;
     if (stratum_.count > 1) {
       const double off = offset(x);
@@ -198,6 +201,7 @@ class Search {
   MoveLimits limits_;
   bool loose_;
   Vec<Dim> start_, best_;
+  double reach_;         // from the start
   double shortest_ = 0;  // edge
   double quality_ = 0, offset_ = 0;
 };

@@ -13,6 +13,8 @@ struct MoveLimits {
   double displacement = 0;  ///< from where the vertex was at first
   double slack = 0;         ///< how far a vertex may get off its interface (one that is further off may stay so)
   double goal = 20;         ///< degrees; a vertex whose cells reach it is left alone
+  /// Of the shortest edge at the vertex: displacement that is allowed as well, within a material and along interfaces.
+  double inner_reach = 0, reach = 0;
 };
 
 /// Finds a place for v with a better worst element around it: the mean of its neighbours, then steps up the steepest
