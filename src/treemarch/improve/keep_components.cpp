@@ -5,6 +5,7 @@
 
 #include "treemarch/core/parallel.h"
 #include "treemarch/image/uniform_blocks.h"
+#include "treemarch/topology/block_components.h"
 #include "treemarch/topology/simplices.h"
 #include "treemarch/topology/voxel_centres.h"
 
@@ -46,6 +47,17 @@ void add_with_neighbours(const LabelImage<Dim>& image, const ComponentMap& map, 
     for (std::int64_t v = first; v < first + around.end[0] - c[0]; ++v)
       if (image.voxels[v] == image.voxels[voxel] && map.of(v) != component) found.push_back(v);
   });
+}
+
+/// Marks the components that are in the mesh and of the materials of some cells.
+template <int Dim>
+std::vector<std::uint8_t> with_material_of(const std::vector<CellPlace>& cells, const Mesh<Dim>& mesh,
+                                           const ComponentMap& map, const ComponentFates& fates) {
+  std::vector<std::uint8_t> has_cell(mesh.labels.size()), marks(fates.of.size());
+  for (const CellPlace& c : cells) has_cell[mesh.blocks[c.block].materials[static_cast<std::size_t>(c.cell)]] = 1;
+  for (std::size_t c = 0; c < marks.size(); ++c)
+    marks[c] = fates.of[c].lost() ? 0 : has_cell[map.components[c].material];
+  return marks;
 }
 
 /// A voxel in a cell of its material.
@@ -103,6 +115,8 @@ std::vector<Anchor> keep_apart(const LabelImage<Dim>& image, const ComponentMap&
                                const Mesh<Dim>& mesh, const MeshComponents<Dim>& components,
                                const Execution& execution) {
   const std::vector<CellPlace>& cells = fates.elsewhere;
+  if (cells.empty()) return {};
+  const BlockComponents<Dim> where(image, map, with_material_of(cells, mesh, map, fates), execution);
   std::vector<std::vector<std::int64_t>> found(static_cast<std::size_t>(block_count(std::ssize(cells), kCellsPerTask)));
   const auto look = [&](const CellPlace& place, std::vector<std::int64_t>& voxels) {
     const CellBlock& block = mesh.blocks[place.block];
@@ -111,16 +125,25 @@ std::vector<Anchor> keep_apart(const LabelImage<Dim>& image, const ComponentMap&
     if (std::all_of(v, v + corners, [&](VertexId x) { return components.is_inner(x); })) return;
     const MaterialId material = block.materials[static_cast<std::size_t>(place.cell)];
     const std::uint32_t part = components.of(place.block, place.cell);
-    const auto is_of_another = [&](std::int64_t voxel) {
-      const ComponentFate& fate = fates.of[map.of(voxel)];
+    const auto is_another = [&](std::uint32_t c) {
+      const ComponentFate& fate = fates.of[c];
       return !fate.lost() && (part < fate.first || part > fate.last);
     };
     const VoxelBox<Dim> box = voxels_near(image, mesh, v, corners);
+    if (box.is_empty()) return;
+    bool is_near = false;
+    const VoxelBox<Dim> blocks = blocks_around(box);
+    for_each_row(blocks, where.extent(), [&](const Coord<Dim>&, std::int64_t at) {
+      for (std::int64_t b = at; b < at + blocks.end[0] - blocks.begin[0]; ++b)
+        for (const std::uint32_t c : where[b])
+          is_near = is_near || (map.components[c].material == material && is_another(c));
+    });
+    if (!is_near) return;
     for_each_row(box, image.extent, [&](const Coord<Dim>& c, std::int64_t first) {
       bool is_other = false;  // as long as the material stays, the component does
       for (std::int64_t x = first, end = first + box.end[0] - c[0]; x < end; ++x) {
         if (image.voxels[x] != material) continue;
-        if (x == first || image.voxels[x - 1] != material) is_other = is_of_another(x);
+        if (x == first || image.voxels[x - 1] != material) is_other = is_another(map.of(x));
         if (is_other) add_with_neighbours(image, map, x, voxels);
       }
     });
