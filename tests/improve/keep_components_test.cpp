@@ -38,15 +38,19 @@ LabelImage<3> noisy_image(const Coord<3>& extent, int labels, unsigned seed) {
   return make_label_image(extent, values);
 }
 
+std::vector<ComponentFate> fates_in(const LabelImage<3>& image, const ComponentMap& map, const Mesh<3>& mesh,
+                                    Execution& execution) {
+  const MeshComponents<3> components(mesh, execution);
+  const UniformBlocks<3> uniform(image, execution);
+  const PlainBlocks<3> plain(uniform);
+  return component_fates(image, map, mesh, components, plain, match_labels(mesh.labels, image.labels), execution).of;
+}
+
 /// Components of the image of eight voxels and more: whether each is in one piece.
 std::vector<std::uint8_t> are_whole(const LabelImage<3>& image, const Mesh<3>& mesh) {
   Execution execution(2);
   const ComponentMap map = map_components(image, execution);
-  const MeshComponents<3> components(mesh, execution);
-  const UniformBlocks<3> uniform(image, execution);
-  const PlainBlocks<3> plain(uniform);
-  const auto fates =
-      component_fates(image, map, mesh, components, plain, match_labels(mesh.labels, image.labels), execution).of;
+  const std::vector<ComponentFate> fates = fates_in(image, map, mesh, execution);
   std::vector<std::uint8_t> whole;
   for (std::size_t c = 0; c < fates.size(); ++c)
     if (map.components[c].voxels >= 8) whole.push_back(!fates[c].lost() && !fates[c].split());
@@ -56,7 +60,7 @@ std::vector<std::uint8_t> are_whole(const LabelImage<3>& image, const Mesh<3>& m
 /// Large moves of large cells break components of such images; with the anchors they break none.
 TEST(KeepComponents, MovesBreakNone) {
   std::int64_t broken_alone = 0;
-  for (unsigned seed = 0; seed < 10; ++seed) {
+  for (unsigned seed = 0; seed < 24; ++seed) {
     SCOPED_TRACE(seed);
     const auto image = noisy_image({28, 30, 26}, 3, seed);
     MeshOptions options;
@@ -75,6 +79,7 @@ TEST(KeepComponents, MovesBreakNone) {
     ASSERT_TRUE(std::ranges::is_sorted(repair.anchors, {}, &Anchor::point));
     const auto field = build_field<3>(image, {}, execution);
     const auto whole = are_whole(image, unmoved);
+    EXPECT_EQ(std::ranges::count(whole, 0), 0);
     const auto broken_by_fit = [&](std::span<const Anchor> anchors) {
       Mesh<3> mesh = unmoved;
       EXPECT_GT(fit_interfaces(mesh, field, image.size(), {.quality = 10, .anchors = anchors}, execution).moves, 1000);
@@ -87,6 +92,32 @@ TEST(KeepComponents, MovesBreakNone) {
     EXPECT_EQ(broken_by_fit(repair.anchors), 0);
   }
   EXPECT_GT(broken_alone, 2);
+}
+
+TEST(KeepComponents, EachSmallOneHasAnAnchor) {
+  // With cells of a voxel most components have vertices inside.
+  std::int64_t anchors_of_all = 0;
+  for (unsigned seed = 0; seed < 3; ++seed) {
+    SCOPED_TRACE(seed);
+    const auto image = noisy_image({20, 21, 22}, 40, seed);
+    const Mesh<3> mesh = testing::cut_image(image).mesh;
+    Execution execution(2);
+    const ComponentMap map = map_components(image, execution);
+    const std::int64_t few = 64 * product(image.extent) / mesh.cell_count();
+    const std::vector<ComponentFate> fates = fates_in(image, map, mesh, execution);
+    std::vector<std::uint8_t> required(fates.size(), 1), expected(fates.size()), found(fates.size());
+    for (std::size_t c = 0; c < fates.size(); ++c) expected[c] = !fates[c].lost() && map.components[c].voxels <= few;
+    for (const auto& [cell, a] : keep_small<3>(image, map, required, mesh, execution)) {
+      EXPECT_EQ(mesh.blocks[0].materials[cell], a.material);
+      const std::int64_t voxel = linear_index(image.voxel_at({a.point[0], a.point[1], a.point[2]}), image.extent);
+      EXPECT_EQ(image.voxels[voxel], a.material);
+      EXPECT_TRUE(a.inside);
+      EXPECT_EQ(found[map.of(voxel)]++, 0);
+    }
+    EXPECT_EQ(found, expected);
+    anchors_of_all += std::ranges::count(found, 1);
+  }
+  EXPECT_GT(anchors_of_all, 200);
 }
 
 TEST(KeepComponents, SmallOnesAreNotLost) {

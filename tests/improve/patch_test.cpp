@@ -110,6 +110,23 @@ TEST(Patch, NeighboursShareTheFacet) {
   EXPECT_EQ(hull, validate(mesh, execution).hull_facets);
 }
 
+TEST(Patch, KeepsAnchorsBeyondAllCellsOfAVertex) {
+  Mesh<2> mesh;
+  mesh.points = {{0, 0}, {4, 0}, {2, 2}};
+  mesh.labels = {5};
+  mesh.blocks = {{CellType::triangle, {0, 1, 2}, {0}}};
+  const std::vector<VertexId> all = testing::all_vertices(mesh);
+  Execution execution(1);
+  Patch<2> patch(mesh, all, execution);
+  const Anchor within{.point = {2, 1.5, 0}, .inside = true}, beyond{.point = {2, 3, 0}, .inside = false};
+  const std::vector<Anchor> anchors{within, beyond};
+  patch.guard(anchors);
+  EXPECT_TRUE(patch.keeps_anchors(2, {2, 1.75}));
+  EXPECT_FALSE(patch.keeps_anchors(2, {2, 1.25}));
+  EXPECT_TRUE(patch.keeps_anchors(2, {2, 2.5}));
+  EXPECT_FALSE(patch.keeps_anchors(2, {2, 3.5}));  // the vertex is on the hull: no cell is there before
+}
+
 TEST(Compact, DropsCellsAndVerticesAndKeepsTheRest) {
   Mesh<3> mesh = testing::cut_image(testing::noise_image<3>({4, 4, 4}, 2, 3)).mesh;
   // Without all cells around some vertices.

@@ -18,6 +18,12 @@ struct Anchor {
   bool inside = true;  ///< false: a move must not bring cells of the material to it
 };
 
+/// One with a cell of its material that holds it, of the only block of a mesh.
+struct HeldAnchor {
+  std::uint32_t cell;
+  Anchor anchor;
+};
+
 /// \param voxel its linear index
 template <int Dim>
 Anchor anchor_at(const LabelImage<Dim>& image, std::int64_t voxel) {

@@ -38,11 +38,13 @@ void merge_parts(std::vector<Part>& parts) {
   parts.resize(n);
 }
 
-/// Whether a cell can be taken from its material without cutting that in two, as far as can be seen from nearby.
+/// Whether a cell can be taken from its material without cutting that in two, as far as can be seen from nearby, or
+/// losing a component of it.
 template <int Dim>
 bool can_go(const Patch<Dim>& patch, const BrokenComponents<Dim>& broken, CellId c) {
   return patch.material(c) == broken.left_out ||
-         (std::ranges::all_of(patch.cell(c), [&](VertexId v) { return patch.has_star(v); }) &&
+         (!std::ranges::binary_search(broken.kept, c) &&
+          std::ranges::all_of(patch.cell(c), [&](VertexId v) { return patch.has_star(v); }) &&
           keeps_connection<Dim>(patch, std::span(&c, 1)));
 }
 
@@ -70,6 +72,9 @@ class Bridger {
 
  private:
   static constexpr std::uint32_t kNoGroup = ComponentFate::kNone;
+  // Costs of a cell on a way: in voxels of the component, in another part of its material, in others' voxels, and where
+  // the way would cut another component in two, whose repair might cut this one again.
+  static constexpr std::int64_t kInside = 1, kForeignPart = 2, kOutsideOfIt = 4, kCut = 40;
   struct Step {
     std::int64_t cost;
     CellId cell;
@@ -87,41 +92,54 @@ class Bridger {
     return at != group_.end() && at->first == mesh_component ? at->second : kNoGroup;
   }
   [[nodiscard]] std::int64_t cost_of(CellId c) const {
-    if (patch_.material(c) == material_) return group_of(c) == kNoGroup ? 2 : 0;
+    if (patch_.material(c) == material_) return group_of(c) == kNoGroup ? kForeignPart : 0;
     const LabelImage<Dim>& image = *broken_.image;
     const Coord<Dim> voxel = image.voxel_at(patch_.centroid(c));
     const bool inside = broken_.map->of(linear_index(voxel, image.extent)) == component_;
-    return inside ? 1 : 4;
+    return inside ? kInside : kOutsideOfIt;
   }
 
   bool join_from(const typename BrokenComponents<Dim>::Part& part) {
     const auto own =
         std::ranges::lower_bound(group_, part.mesh_component, {}, &std::pair<std::uint32_t, std::uint32_t>::first)
             ->second;
+    std::vector<CellId> way = cheapest_way(part.seed, own, 0);
+    if (way.empty()) return false;
+    if (!std::ranges::all_of(way, [&](CellId c) { return can_take(c); })) way = cheapest_way(part.seed, own, kCut);
+    const std::uint32_t other = group_of(way.front());
+    take(way, own);
+    for (auto& g : group_)
+      if (g.second == own) g.second = other;
+    return true;
+  }
+  [[nodiscard]] bool can_take(CellId c) const { return patch_.material(c) == material_ || can_go(patch_, broken_, c); }
+
+  /// From a cell of another group back to the seed; empty if there is none. \param cut for each cell that would cut
+  std::vector<CellId> cheapest_way(CellId seed, std::uint32_t own, std::int64_t cut) const {
     std::priority_queue<Step, std::vector<Step>, std::greater<>> open;
     std::unordered_map<CellId, CellId> from;  // looked up only
-    open.push({0, part.seed, part.seed});
+    open.push({0, seed, seed});
     while (!open.empty()) {
       const Step at = open.top();
       open.pop();
       if (!from.emplace(at.cell, at.from).second) continue;
       const std::uint32_t group = group_of(at.cell);
       if (group != kNoGroup && group != own) {
-        take_way(at.cell, own, from);
-        for (auto& g : group_)
-          if (g.second == own) g.second = group;
-        return true;
+        std::vector<CellId> way{at.cell};
+        while (way.back() != seed) way.push_back(from.at(way.back()));
+        return way;
       }
+      const std::int64_t cost = at.cost + (cut == 0 || can_take(at.cell) ? 0 : cut);
       for (int corner = 0; corner <= Dim; ++corner) {
         const CellId next = patch_.neighbour(at.cell, corner);
-        if (next != Patch<Dim>::kNoCell && !from.contains(next)) open.push({at.cost + cost_of(next), next, at.cell});
+        if (next != Patch<Dim>::kNoCell && !from.contains(next)) open.push({cost + cost_of(next), next, at.cell});
       }
     }
-    return false;
+    return {};
   }
 
-  void take_way(CellId end, std::uint32_t own, const std::unordered_map<CellId, CellId>& from) {
-    for (CellId c = end; from.at(c) != c; c = from.at(c)) {
+  void take(std::span<const CellId> way, std::uint32_t own) {
+    for (const CellId c : way) {
       if (patch_.material(c) == material_) continue;
       cut_another_ |= !can_go(patch_, broken_, c);
       patch_.relabel(c, material_);

@@ -37,6 +37,7 @@ struct BrokenComponents {
   const ComponentMap* map = nullptr;
   const LabelImage<Dim>* image = nullptr;
   MaterialId left_out = kOutside;  ///< may be cut in two
+  std::vector<CellId> kept;        ///< ascending: each stands for a component that is small, and is not lost
 
   [[nodiscard]] bool empty() const { return parts.empty() && lost.empty(); }
 };
@@ -51,14 +52,9 @@ BrokenComponents<Dim> find_broken(const LabelImage<Dim>& image, const ComponentM
                                   MaterialId left_out, const Execution& execution);
 
 struct Mended {
-  /// The cell that stands for a component that had been lost.
-  struct Restored {
-    CellId cell;
-    Anchor anchor;
-  };
   std::vector<CellId> relabelled;
-  std::vector<Restored> restored;
-  bool surely_whole = true;  ///< and no other material was cut in two, as far as can be seen from nearby
+  std::vector<HeldAnchor> restored;  ///< each stands for a component that had been lost
+  bool surely_whole = true;          ///< and no other material was cut in two, as far as can be seen from nearby
 };
 
 /// Gives each lost component the cells around the centre of its innermost voxel and those of which its voxels are half,

@@ -544,7 +544,11 @@ bool Fitter<Dim>::move(Patch<Dim>& patch, std::uint32_t place) {
       if ((fixed >> a & 1) != 0) x[a] = here[a];
     if (!cells.all_meet(x, target_)) continue;
     if (!options_.anchors.empty()) {
-      const auto [low, high] = cells.bounds();
+      auto [low, high] = cells.bounds();
+      for (int a = 0; a < Dim; ++a) {  // on the hull a vertex may lie beyond all those around it
+        low[a] = std::min({low[a], here[a], x[a]});
+        high[a] = std::max({high[a], here[a], x[a]});
+      }
       if (patch.has_anchors(low, high) && !patch.keeps_anchors(v, x)) return false;
     }
     patch.move(v, x);

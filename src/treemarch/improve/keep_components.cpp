@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <tuple>
+#include <utility>
 
 #include "treemarch/core/parallel.h"
 #include "treemarch/image/uniform_blocks.h"
 #include "treemarch/topology/block_components.h"
+#include "treemarch/topology/marked_blocks.h"
 #include "treemarch/topology/simplices.h"
 #include "treemarch/topology/voxel_centres.h"
 
@@ -51,28 +53,52 @@ void add_with_neighbours(const LabelImage<Dim>& image, const ComponentMap& map, 
 
 /// Marks the components that are in the mesh and of the materials of some cells.
 template <int Dim>
-std::vector<std::uint8_t> with_material_of(const std::vector<CellPlace>& cells, const Mesh<Dim>& mesh,
+std::vector<std::uint8_t> with_material_of(std::span<const CellPlace> cells, const Mesh<Dim>& mesh,
                                            const ComponentMap& map, const ComponentFates& fates) {
-  std::vector<std::uint8_t> has_cell(mesh.labels.size()), marks(fates.of.size());
+  std::vector<std::uint8_t> has_cell(mesh.labels.size()), marks(map.components.size());
   for (const CellPlace& c : cells) has_cell[mesh.blocks[c.block].materials[static_cast<std::size_t>(c.cell)]] = 1;
   for (std::size_t c = 0; c < marks.size(); ++c)
     marks[c] = fates.of[c].lost() ? 0 : has_cell[map.components[c].material];
   return marks;
 }
 
+/// Which components of the mesh hold voxels of a component of the image.
+class PartsOfComponents {
+ public:
+  template <int Dim>
+  PartsOfComponents(const ComponentFates& fates, const BrokenComponents<Dim>& broken) : fates_(fates) {
+    for (const auto& p : broken.parts) split_.push_back({p.image_component, p.mesh_component});
+    std::ranges::sort(split_);
+  }
+  /// Whether a component of the image is in the mesh, but not in a part.
+  [[nodiscard]] bool is_elsewhere(std::uint32_t component, std::uint32_t part) const {
+    const ComponentFate& fate = fates_.of[component];
+    if (fate.lost()) return false;
+    if (part < fate.first || part > fate.last) return true;
+    // Of a component in parts that is not to be mended any part between the first and the last counts.
+    return fate.split() && !std::ranges::binary_search(split_, std::pair(component, part)) &&
+           std::ranges::binary_search(split_, component, {}, &std::pair<std::uint32_t, std::uint32_t>::first);
+  }
+
+ private:
+  const ComponentFates& fates_;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> split_;  // component of the image and of the mesh, ascending
+};
+
 /// A voxel in a cell of its material.
 struct Hit {
   std::uint32_t component;  // of the image
   double depth;
   std::int64_t voxel;
+  CellId cell;
 };
 
 }  // namespace
 
 template <int Dim>
-std::vector<Anchor> keep_small(const LabelImage<Dim>& image, const ComponentMap& map,
-                               std::span<const std::uint8_t> required, const Mesh<Dim>& mesh,
-                               const MeshComponents<Dim>& components, const Execution& execution) {
+std::vector<HeldAnchor> keep_small(const LabelImage<Dim>& image, const ComponentMap& map,
+                                   std::span<const std::uint8_t> required, const Mesh<Dim>& mesh,
+                                   const Execution& execution) {
   const std::int64_t few_voxels = kFewCells * product(image.extent) / std::max<std::int64_t>(1, mesh.cell_count());
   std::vector<std::uint8_t> small(required.begin(), required.end()), has_small(image.labels.size());
   for (std::size_t c = 0; c < small.size(); ++c) {
@@ -81,41 +107,47 @@ std::vector<Anchor> keep_small(const LabelImage<Dim>& image, const ComponentMap&
   }
   const Marks voxels = map.voxels_of([&](std::uint32_t c) { return small[c] != 0; });
   const VoxelCentres<Dim> centres(image);
-  const std::vector<CellPlace>& cells = components.cells_at_borders();
-  std::vector<std::vector<Hit>> found(static_cast<std::size_t>(block_count(std::ssize(cells), kCellsPerTask)));
-  const auto look = [&](const CellPlace& place, std::vector<Hit>& hits) {
-    const CellBlock& block = mesh.blocks[place.block];
-    const MaterialId material = block.materials[static_cast<std::size_t>(place.cell)];
+  const CellBlock& block = mesh.blocks[0];
+  const auto look = [&](std::int64_t cell, std::vector<Hit>& hits) {
+    const MaterialId material = block.materials[static_cast<std::size_t>(cell)];
     if (has_small[material] == 0) return;
-    for_each_simplex(mesh, block, place.cell, [&](const Simplex<Dim>& simplex) {
+    for_each_simplex(mesh, block, cell, [&](const Simplex<Dim>& simplex) {
       centres.visit(
           simplex, [&](std::int64_t v) { return voxels[static_cast<std::size_t>(v)] && image.voxels[v] == material; },
           [&](std::int64_t v) {
             const double depth = Barycentric<Dim>(simplex).depth(image.centre(coord_of(v, image.extent)));
-            hits.push_back({map.of(v), depth, v});
+            hits.push_back({map.of(v), depth, v, static_cast<CellId>(cell)});
           });
     });
   };
-  parallel_for(execution, std::ssize(found), 1, [&](std::int64_t task) {
-    const std::int64_t begin = task * kCellsPerTask, end = std::min(std::ssize(cells), begin + kCellsPerTask);
-    for (std::int64_t i = begin; i < end; ++i)
-      look(cells[static_cast<std::size_t>(i)], found[static_cast<std::size_t>(task)]);
+  const MarkedBlocks<Dim> where(image, map, small, execution);
+  std::vector<std::vector<Hit>> found(static_cast<std::size_t>(block_count(block.size(), kCellsPerGroup)));
+  parallel_for(execution, std::ssize(found), kGroupsPerTask, [&](std::int64_t group) {
+    const std::int64_t begin = group * kCellsPerGroup, end = std::min(block.size(), begin + kCellsPerGroup);
+    const auto materials = block.materials.begin();
+    if (std::none_of(materials + begin, materials + end, [&](MaterialId m) { return has_small[m] != 0; }) ||
+        !where.touch(mesh, block, begin, end))
+      return;
+    for (std::int64_t c = begin; c < end; ++c) look(c, found[static_cast<std::size_t>(group)]);
   });
   std::vector<Hit> hits;
   for (const auto& some : found) hits.insert(hits.end(), some.begin(), some.end());
-  std::ranges::sort(hits, {}, [](const Hit& h) { return std::tuple(h.component, -h.depth, h.voxel); });
-  std::vector<Anchor> anchors;
+  std::ranges::sort(hits, {}, [](const Hit& h) { return std::tuple(h.component, -h.depth, h.voxel, h.cell); });
+  std::vector<HeldAnchor> anchors;
   for (std::size_t h = 0; h < hits.size(); ++h)
-    if (h == 0 || hits[h].component != hits[h - 1].component) anchors.push_back(anchor_at(image, hits[h].voxel));
+    if (h == 0 || hits[h].component != hits[h - 1].component)
+      anchors.push_back({hits[h].cell, anchor_at(image, hits[h].voxel)});
   return anchors;
 }
 
 template <int Dim>
-std::vector<Anchor> keep_apart(const LabelImage<Dim>& image, const ComponentMap& map, const ComponentFates& fates,
-                               const Mesh<Dim>& mesh, const MeshComponents<Dim>& components,
-                               const Execution& execution) {
-  const std::vector<CellPlace>& cells = fates.elsewhere;
+std::vector<Anchor> keep_apart(std::span<const CellPlace> cells, const ComponentFates& fates,
+                               const BrokenComponents<Dim>& broken, const Mesh<Dim>& mesh, const Execution& execution) {
   if (cells.empty()) return {};
+  const LabelImage<Dim>& image = *broken.image;
+  const ComponentMap& map = *broken.map;
+  const MeshComponents<Dim>& components = *broken.components;
+  const PartsOfComponents parts(fates, broken);
   const BlockComponents<Dim> where(image, map, with_material_of(cells, mesh, map, fates), execution);
   std::vector<std::vector<std::int64_t>> found(static_cast<std::size_t>(block_count(std::ssize(cells), kCellsPerTask)));
   const auto look = [&](const CellPlace& place, std::vector<std::int64_t>& voxels) {
@@ -125,10 +157,7 @@ std::vector<Anchor> keep_apart(const LabelImage<Dim>& image, const ComponentMap&
     if (std::all_of(v, v + corners, [&](VertexId x) { return components.is_inner(x); })) return;
     const MaterialId material = block.materials[static_cast<std::size_t>(place.cell)];
     const std::uint32_t part = components.of(place.block, place.cell);
-    const auto is_another = [&](std::uint32_t c) {
-      const ComponentFate& fate = fates.of[c];
-      return !fate.lost() && (part < fate.first || part > fate.last);
-    };
+    const auto is_another = [&](std::uint32_t c) { return parts.is_elsewhere(c, part); };
     const VoxelBox<Dim> box = voxels_near(image, mesh, v, corners);
     if (box.is_empty()) return;
     bool is_near = false;
@@ -168,11 +197,11 @@ std::vector<Anchor> keep_apart(const LabelImage<Dim>& image, const ComponentMap&
   return anchors;
 }
 
-#define TREEMARCH_INSTANTIATE(DIM)                                                                                    \
-  template std::vector<Anchor> keep_small(const LabelImage<DIM>&, const ComponentMap&, std::span<const std::uint8_t>, \
-                                          const Mesh<DIM>&, const MeshComponents<DIM>&, const Execution&);            \
-  template std::vector<Anchor> keep_apart(const LabelImage<DIM>&, const ComponentMap&, const ComponentFates&,         \
-                                          const Mesh<DIM>&, const MeshComponents<DIM>&, const Execution&);
+#define TREEMARCH_INSTANTIATE(DIM)                                                                                \
+  template std::vector<HeldAnchor> keep_small(const LabelImage<DIM>&, const ComponentMap&,                        \
+                                              std::span<const std::uint8_t>, const Mesh<DIM>&, const Execution&); \
+  template std::vector<Anchor> keep_apart(std::span<const CellPlace>, const ComponentFates&,                      \
+                                          const BrokenComponents<DIM>&, const Mesh<DIM>&, const Execution&);
 TREEMARCH_INSTANTIATE(2)
 TREEMARCH_INSTANTIATE(3)
 #undef TREEMARCH_INSTANTIATE

@@ -4,6 +4,7 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <tuple>
 
 #include "treemarch/core/parallel.h"
 #include "treemarch/mesh/marks.h"
@@ -242,7 +243,8 @@ bool Patch<Dim>::has_anchors(const Vec<Dim>& low, const Vec<Dim>& high) const {
 template <int Dim>
 bool Patch<Dim>::keeps_anchors(VertexId v, const Vec<Dim>& x) const {
   if (anchors_.empty()) return true;
-  Vec<Dim> low = point(v), high = low;
+  Vec<Dim> low, high;
+  for (int d = 0; d < Dim; ++d) std::tie(low[d], high[d]) = std::minmax({point(v)[d], x[d]});
   for (const CellId c : star(v))
     for (const VertexId w : cell(c))
       for (int d = 0; d < Dim; ++d) {

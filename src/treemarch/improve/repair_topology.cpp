@@ -59,15 +59,27 @@ class Repairer {
                                          : PlainBlocks<Dim>(uniform_);
       const ComponentFates fates = component_fates(image_, map_, mesh_, components, plain, to_image_, execution_);
       add_cells_of_lost(fates.of);
-      const BrokenComponents<Dim> broken =
+      BrokenComponents<Dim> broken =
           find_broken(image_, map_, required_, mesh_, components, fates, options_.left_out, execution_);
       const std::vector<Stray> strays = find_strays(image_, mesh_, components, execution_);
-      report_.anchors = keep_apart(image_, map_, fates, mesh_, components, execution_);
-      add_anchors(keep_small<Dim>(image_, map_, required_, mesh_, components, execution_));
-      add_anchors(restored_);
-      if ((pinches.empty() && broken.empty() && strays.empty()) || report_.rounds == options_.rounds) return report_;
-      ++report_.rounds;
-      if (!mend(broken, strays, components)) return report_;
+      const std::vector<HeldAnchor> small = keep_small<Dim>(image_, map_, required_, mesh_, execution_);
+      for (const HeldAnchor& s : small) broken.kept.push_back(s.cell);
+      std::ranges::sort(broken.kept);
+      const std::vector<MaterialId> before = materials_of(fates.elsewhere);
+      const bool sound = pinches.empty() && broken.empty() && strays.empty();
+      if (!sound && report_.rounds < options_.rounds) {
+        ++report_.rounds;
+        if (mend(broken, strays, components)) continue;
+      }
+      std::vector<CellPlace> elsewhere;  // without those that have changed
+      const std::vector<MaterialId> now = materials_of(fates.elsewhere);
+      for (std::size_t i = 0; i < now.size(); ++i)
+        if (now[i] == before[i]) elsewhere.push_back(fates.elsewhere[i]);
+      report_.anchors = restored_;
+      add_anchors(keep_apart<Dim>(elsewhere, fates, broken, mesh_, execution_));
+      for (const HeldAnchor& s : small) report_.anchors.push_back(s.anchor);
+      std::ranges::sort(report_.anchors, {}, &Anchor::point);
+      return report_;
     }
   }
 
@@ -155,17 +167,17 @@ class Repairer {
     std::ranges::sort(pinched);
     pinched.erase(std::unique(pinched.begin(), pinched.end()), pinched.end());
     std::erase_if(pinched, [&](VertexId v) { return !patch.has_star(v); });
-    const UnpinchReport unpinched = unpinch(patch, mesh_, image_, std::move(pinched), execution_);
+    std::vector<CellId> kept = broken.kept;
+    for (const HeldAnchor& r : mended.restored) kept.push_back(r.cell);
+    std::ranges::sort(kept);
+    const UnpinchReport unpinched = unpinch(patch, mesh_, image_, std::move(pinched), kept, execution_);
     report_.pinches_after = unpinched.left;
     const std::int64_t relabelled = unpinched.relabelled + std::ssize(mended.relabelled);
     report_.relabelled_cells += relabelled;
-    std::vector<Anchor> restored;
-    for (const Mended::Restored& r : mended.restored) {
+    for (const HeldAnchor& r : mended.restored) {
       mended.surely_whole &= patch.material(r.cell) == r.anchor.material;
-      restored.push_back(r.anchor);
+      restored_.push_back(r.anchor);
     }
-    add_anchors(restored);
-    restored_.insert(restored_.end(), restored.begin(), restored.end());
     if (!unpinched.confined && (relabelled == 0 || mended.surely_whole)) return false;
     Marks changed(mesh_.points.size());
     for (const CellId c : mended.relabelled)
@@ -177,7 +189,13 @@ class Repairer {
 
   void add_anchors(const std::vector<Anchor>& anchors) {
     report_.anchors.insert(report_.anchors.end(), anchors.begin(), anchors.end());
-    std::ranges::sort(report_.anchors, {}, &Anchor::point);
+  }
+  [[nodiscard]] std::vector<MaterialId> materials_of(std::span<const CellPlace> cells) const {
+    std::vector<MaterialId> materials;
+    materials.reserve(cells.size());
+    for (const CellPlace& c : cells)
+      materials.push_back(mesh_.blocks[c.block].materials[static_cast<std::size_t>(c.cell)]);
+    return materials;
   }
 
   Mesh<Dim>& mesh_;

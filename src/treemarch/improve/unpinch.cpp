@@ -105,8 +105,8 @@ namespace {
 template <int Dim>
 class Unpincher {
  public:
-  Unpincher(Patch<Dim>& patch, const Mesh<Dim>& mesh, const LabelImage<Dim>& image)
-      : patch_(patch), mesh_(mesh), image_(image), counter_(patch) {}
+  Unpincher(Patch<Dim>& patch, const Mesh<Dim>& mesh, const LabelImage<Dim>& image, std::span<const CellId> kept)
+      : patch_(patch), mesh_(mesh), image_(image), kept_(kept), counter_(patch) {}
 
   /// Of a pass over some vertices.
   struct Outcome {
@@ -143,6 +143,7 @@ class Unpincher {
   Patch<Dim>& patch_;
   const Mesh<Dim>& mesh_;
   const LabelImage<Dim>& image_;
+  const std::span<const CellId> kept_;
   PinchCounter<Dim> counter_;
   std::vector<CellId> star_;
   std::vector<std::array<int, Dim>> beside_;  // the cells of the star beside each of them at the facets at v, or -1
@@ -204,6 +205,7 @@ void Unpincher<Dim>::list_parts(VertexId v) {
 /// Notes the move if it takes sheets away.
 template <int Dim>
 void Unpincher<Dim>::propose(std::span<const CellId> cells, MaterialId to) {
+  if (std::ranges::any_of(cells, [&](CellId c) { return std::ranges::binary_search(kept_, c); })) return;
   touched_.clear();
   for (const CellId c : cells) add_vertices<Dim>(patch_.cell(c), touched_);
   if (std::ranges::any_of(touched_, [&](VertexId v) { return !patch_.has_star(v); })) {
@@ -366,7 +368,7 @@ std::vector<std::vector<VertexId>> independent_groups(const Patch<Dim>& patch, s
 
 template <int Dim>
 UnpinchReport unpinch(Patch<Dim>& patch, const Mesh<Dim>& mesh, const LabelImage<Dim>& image,
-                      std::vector<VertexId> vertices, Execution& execution) {
+                      std::vector<VertexId> vertices, std::span<const CellId> kept, Execution& execution) {
   using Outcome = typename Unpincher<Dim>::Outcome;
   UnpinchReport report;
   RawVector<std::uint32_t> first_at = filled(execution, mesh.points.size(), kNobody);
@@ -375,7 +377,7 @@ UnpinchReport unpinch(Patch<Dim>& patch, const Mesh<Dim>& mesh, const LabelImage
     const auto groups = independent_groups(patch, vertices, first_at, execution);
     std::vector<Outcome> outcomes(groups.size());
     parallel_for_ranges(execution, std::ssize(groups), 1, [&](std::int64_t begin, std::int64_t end) {
-      Unpincher<Dim> unpincher(patch, mesh, image);
+      Unpincher<Dim> unpincher(patch, mesh, image, kept);
       for (std::int64_t g = begin; g < end; ++g)
         outcomes[static_cast<std::size_t>(g)] = unpincher.run(groups[static_cast<std::size_t>(g)]);
     });
@@ -400,7 +402,7 @@ UnpinchReport unpinch(Patch<Dim>& patch, const Mesh<Dim>& mesh, const LabelImage
   template bool keeps_connection(const Patch<DIM>&, std::span<const CellId>);                                  \
   template class PinchCounter<DIM>;                                                                            \
   template UnpinchReport unpinch(Patch<DIM>&, const Mesh<DIM>&, const LabelImage<DIM>&, std::vector<VertexId>, \
-                                 Execution&);
+                                 std::span<const CellId>, Execution&);
 TREEMARCH_INSTANTIATE(2)
 TREEMARCH_INSTANTIATE(3)
 #undef TREEMARCH_INSTANTIATE

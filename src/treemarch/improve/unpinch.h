@@ -44,8 +44,9 @@ struct UnpinchReport {
 /// Relabels pieces of the stars of pinched vertices, as long as that makes the boundaries of the materials manifolds at
 /// more vertices and disconnects nothing. Treats the vertices in their order, and those that are pinched by a move,
 /// again and again while that helps. \param vertices ascending; have stars
+/// \param kept cells that must not change, ascending
 template <int Dim>
 UnpinchReport unpinch(Patch<Dim>& patch, const Mesh<Dim>& mesh, const LabelImage<Dim>& image,
-                      std::vector<VertexId> vertices, Execution& execution);
+                      std::vector<VertexId> vertices, std::span<const CellId> kept, Execution& execution);
 
 }  // namespace treemarch
