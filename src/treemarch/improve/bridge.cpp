@@ -271,6 +271,8 @@ std::vector<typename BrokenComponents<Dim>::Part> find_parts(const BrokenCompone
   const LabelImage<Dim>& image = *broken.image;
   const ComponentMap& map = *broken.map;
   const VoxelCentres<Dim> centres(image);
+  const MarkedBlocks<Dim> where(image, map, is_split, execution);
+  const Coord<Dim> blocks = blocks_around(VoxelBox<Dim>{{}, image.extent}).end;
   const auto n = std::ssize(fates.elsewhere);
   std::vector<std::vector<Part>> parts(static_cast<std::size_t>(block_count(n, kCellsPerGroup)));
   parallel_for(execution, std::ssize(parts), 1, [&](std::int64_t group) {
@@ -282,7 +284,8 @@ std::vector<typename BrokenComponents<Dim>::Part> find_parts(const BrokenCompone
       const std::uint32_t own = broken.components->of(place.block, place.cell);
       for_each_simplex(mesh, block, place.cell, [&](const Simplex<Dim>& simplex) {
         centres.visit(
-            simplex, [&](std::int64_t v) { return image.voxels[v] == material && is_split[map.of(v)] != 0; },
+            simplex, blocks, [&](std::int64_t at) { return where[at] ? Look::at_all : Look::nowhere; },
+            [&](std::int64_t v) { return image.voxels[v] == material && is_split[map.of(v)] != 0; },
             [&](std::int64_t v) {
               const std::uint32_t c = map.of(v);
               if (!found.empty() && found.back().image_component == c && found.back().mesh_component == own)
@@ -301,6 +304,20 @@ std::vector<typename BrokenComponents<Dim>::Part> find_parts(const BrokenCompone
   merge_parts(all);
   std::ranges::stable_sort(all, {}, [](const auto& p) { return std::tuple(p.image_component, -p.hits); });
   return all;
+}
+
+/// Those of some cells that belong to some parts, which are ascending.
+template <int Dim>
+std::vector<CellId> cells_of(std::span<const std::uint32_t> parts, const MeshComponents<Dim>& components,
+                             std::span<const CellPlace> cells, const Execution& execution) {
+  std::vector<std::vector<CellId>> found(static_cast<std::size_t>(block_count(std::ssize(cells), kCellsPerGroup)));
+  parallel_for(execution, std::ssize(found), kGroupsPerTask, [&](std::int64_t group) {
+    const std::int64_t begin = group * kCellsPerGroup, end = std::min(std::ssize(cells), begin + kCellsPerGroup);
+    for (const auto& [block, cell] : cells.subspan(begin, end - begin))
+      if (std::ranges::binary_search(parts, components.of(block, cell)))
+        found[static_cast<std::size_t>(group)].push_back(static_cast<CellId>(cell));
+  });
+  return join(found);
 }
 
 }  // namespace
@@ -329,10 +346,7 @@ BrokenComponents<Dim> find_broken(const LabelImage<Dim>& image, const ComponentM
     if (broken.parts[i].image_component == broken.parts[i - 1].image_component)
       small.push_back(broken.parts[i].mesh_component);
   std::ranges::sort(small);
-  if (!small.empty())
-    for (const CellPlace& place : fates.elsewhere)
-      if (std::ranges::binary_search(small, components.of(place.block, place.cell)))
-        broken.cells.push_back(static_cast<CellId>(place.cell));
+  if (!small.empty()) broken.cells = cells_of(small, components, fates.elsewhere, execution);
   for (const auto& l : broken.lost) broken.cells.push_back(l.cell);
   return broken;
 }

@@ -141,20 +141,24 @@ std::vector<HeldAnchor> keep_small(const LabelImage<Dim>& image, const Component
 }
 
 template <int Dim>
-std::vector<Anchor> keep_apart(std::span<const CellPlace> cells, const ComponentFates& fates,
-                               const BrokenComponents<Dim>& broken, const Mesh<Dim>& mesh, const Execution& execution) {
+std::vector<Anchor> keep_apart(const ComponentFates& fates, const BrokenComponents<Dim>& broken,
+                               std::vector<CellId> changed, const Mesh<Dim>& mesh, const Execution& execution) {
+  const std::vector<CellPlace>& cells = fates.elsewhere;
   if (cells.empty()) return {};
   const LabelImage<Dim>& image = *broken.image;
   const ComponentMap& map = *broken.map;
   const MeshComponents<Dim>& components = *broken.components;
   const PartsOfComponents parts(fates, broken);
+  std::ranges::sort(changed);
   const BlockComponents<Dim> where(image, map, with_material_of(cells, mesh, map, fates), execution);
   std::vector<std::vector<std::int64_t>> found(static_cast<std::size_t>(block_count(std::ssize(cells), kCellsPerTask)));
   const auto look = [&](const CellPlace& place, std::vector<std::int64_t>& voxels) {
     const CellBlock& block = mesh.blocks[place.block];
     const VertexId* v = block.cell(place.cell);
     const int corners = vertex_count(block.type);
-    if (std::all_of(v, v + corners, [&](VertexId x) { return components.is_inner(x); })) return;
+    if (std::all_of(v, v + corners, [&](VertexId x) { return components.is_inner(x); }) ||
+        std::ranges::binary_search(changed, static_cast<CellId>(place.cell)))
+      return;
     const MaterialId material = block.materials[static_cast<std::size_t>(place.cell)];
     const std::uint32_t part = components.of(place.block, place.cell);
     const auto is_another = [&](std::uint32_t c) { return parts.is_elsewhere(c, part); };
@@ -197,11 +201,11 @@ std::vector<Anchor> keep_apart(std::span<const CellPlace> cells, const Component
   return anchors;
 }
 
-#define TREEMARCH_INSTANTIATE(DIM)                                                                                \
-  template std::vector<HeldAnchor> keep_small(const LabelImage<DIM>&, const ComponentMap&,                        \
-                                              std::span<const std::uint8_t>, const Mesh<DIM>&, const Execution&); \
-  template std::vector<Anchor> keep_apart(std::span<const CellPlace>, const ComponentFates&,                      \
-                                          const BrokenComponents<DIM>&, const Mesh<DIM>&, const Execution&);
+#define TREEMARCH_INSTANTIATE(DIM)                                                                                  \
+  template std::vector<HeldAnchor> keep_small(const LabelImage<DIM>&, const ComponentMap&,                          \
+                                              std::span<const std::uint8_t>, const Mesh<DIM>&, const Execution&);   \
+  template std::vector<Anchor> keep_apart(const ComponentFates&, const BrokenComponents<DIM>&, std::vector<CellId>, \
+                                          const Mesh<DIM>&, const Execution&);
 TREEMARCH_INSTANTIATE(2)
 TREEMARCH_INSTANTIATE(3)
 #undef TREEMARCH_INSTANTIATE

@@ -28,11 +28,11 @@ std::vector<HeldAnchor> keep_small(const LabelImage<Dim>& image, const Component
 /// Voxels near a part of a material that belong to another part of it, and those beside them: a part that came to hold
 /// one of them would split a component of the image. Parts that have been joined are one. Anchors that are not inside,
 /// in no order. Voxels further than two voxels from the cells of a part are not listed: vertices hardly move that far.
-/// \param cells of these parts: of fates.elsewhere those that have kept their material since
 /// \param fates of the components of the image in the mesh, before any were mended
-/// \param broken those of them that have been mended, or would have to be \pre as for keep_small()
+/// \param broken those of them that have been mended, or would have to be \param changed cells that got another
+/// material since, in any order \pre as for keep_small()
 template <int Dim>
-std::vector<Anchor> keep_apart(std::span<const CellPlace> cells, const ComponentFates& fates,
-                               const BrokenComponents<Dim>& broken, const Mesh<Dim>& mesh, const Execution& execution);
+std::vector<Anchor> keep_apart(const ComponentFates& fates, const BrokenComponents<Dim>& broken,
+                               std::vector<CellId> changed, const Mesh<Dim>& mesh, const Execution& execution);
 
 }  // namespace treemarch

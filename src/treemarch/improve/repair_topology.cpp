@@ -13,6 +13,7 @@
 #include "treemarch/improve/unpinch.h"
 #include "treemarch/mesh/marks.h"
 #include "treemarch/topology/component_fates.h"
+#include "treemarch/topology/marked_blocks.h"
 #include "treemarch/topology/voxel_centres.h"
 
 namespace treemarch {
@@ -65,19 +66,15 @@ class Repairer {
       const std::vector<HeldAnchor> small = keep_small<Dim>(image_, map_, required_, mesh_, execution_);
       for (const HeldAnchor& s : small) broken.kept.push_back(s.cell);
       std::ranges::sort(broken.kept);
-      const std::vector<MaterialId> before = materials_of(fates.elsewhere);
+      changed_.clear();
       const bool sound = pinches.empty() && broken.empty() && strays.empty();
       if (!sound && report_.rounds < options_.rounds) {
         ++report_.rounds;
         if (mend(broken, strays, components)) continue;
       }
-      std::vector<CellPlace> elsewhere;  // without those that have changed
-      const std::vector<MaterialId> now = materials_of(fates.elsewhere);
-      for (std::size_t i = 0; i < now.size(); ++i)
-        if (now[i] == before[i]) elsewhere.push_back(fates.elsewhere[i]);
-      report_.anchors = restored_;
-      add_anchors(keep_apart<Dim>(elsewhere, fates, broken, mesh_, execution_));
-      for (const HeldAnchor& s : small) report_.anchors.push_back(s.anchor);
+      report_.anchors = keep_apart<Dim>(fates, broken, changed_, mesh_, execution_);
+      restored_.insert(restored_.end(), small.begin(), small.end());
+      for (const HeldAnchor& held : restored_) report_.anchors.push_back(held.anchor);
       std::ranges::sort(report_.anchors, {}, &Anchor::point);
       return report_;
     }
@@ -98,12 +95,12 @@ class Repairer {
 
   /// Adds the cells that were left out and contain voxels of a lost component.
   void add_cells_of_lost(const std::vector<ComponentFate>& fates) {
-    const auto is_lost = [&](std::uint32_t c) { return required_[c] && fates[c].lost(); };
-    bool any = false;
-    for (std::uint32_t c = 0; c < fates.size(); ++c) any |= is_lost(c);
-    if (left_out_ == nullptr || !any) return;
-    const Marks lost = map_.voxels_of(is_lost);
+    std::vector<std::uint8_t> is_lost(fates.size());
+    for (std::size_t c = 0; c < fates.size(); ++c) is_lost[c] = required_[c] != 0 && fates[c].lost();
+    if (left_out_ == nullptr || std::ranges::count(is_lost, 0) == std::ssize(is_lost)) return;
+    const Marks lost = map_.voxels_of([&](std::uint32_t c) { return is_lost[c] != 0; });
     const VoxelCentres<Dim> centres(image_);
+    const MarkedBlocks<Dim> where(image_, map_, is_lost, execution_);
     left_out_->append_if(
         mesh_,
         [&](const SimplexVertices<Dim>& v) {
@@ -111,7 +108,9 @@ class Repairer {
           for (int k = 0; k <= Dim; ++k) simplex[k] = mesh_.points[v[k]];
           bool contains = false;
           centres.visit(
-              simplex, [&](std::int64_t voxel) { return lost[static_cast<std::size_t>(voxel)]; },
+              simplex, uniform_.extent(),
+              [&](std::int64_t block) { return where[block] ? Look::at_all : Look::nowhere; },
+              [&](std::int64_t voxel) { return lost[static_cast<std::size_t>(voxel)]; },
               [&](std::int64_t) { contains = true; });
           return contains;
         },
@@ -172,30 +171,18 @@ class Repairer {
     std::ranges::sort(kept);
     const UnpinchReport unpinched = unpinch(patch, mesh_, image_, std::move(pinched), kept, execution_);
     report_.pinches_after = unpinched.left;
-    const std::int64_t relabelled = unpinched.relabelled + std::ssize(mended.relabelled);
-    report_.relabelled_cells += relabelled;
-    for (const HeldAnchor& r : mended.restored) {
-      mended.surely_whole &= patch.material(r.cell) == r.anchor.material;
-      restored_.push_back(r.anchor);
-    }
-    if (!unpinched.confined && (relabelled == 0 || mended.surely_whole)) return false;
+    changed_ = mended.relabelled;
+    changed_.insert(changed_.end(), unpinched.relabelled.begin(), unpinched.relabelled.end());
+    report_.relabelled_cells += std::ssize(changed_);
+    for (const HeldAnchor& r : mended.restored) mended.surely_whole &= patch.material(r.cell) == r.anchor.material;
+    restored_.insert(restored_.end(), mended.restored.begin(), mended.restored.end());
+    if (!unpinched.confined && (changed_.empty() || mended.surely_whole)) return false;
     Marks changed(mesh_.points.size());
     for (const CellId c : mended.relabelled)
       for (const VertexId v : patch.cell(c)) changed.mark(v);
     if (left_out_ != nullptr)
       left_out_->append_at(mesh_, changed, execution_);  // ways may lead to the rim of the patch
     return true;
-  }
-
-  void add_anchors(const std::vector<Anchor>& anchors) {
-    report_.anchors.insert(report_.anchors.end(), anchors.begin(), anchors.end());
-  }
-  [[nodiscard]] std::vector<MaterialId> materials_of(std::span<const CellPlace> cells) const {
-    std::vector<MaterialId> materials;
-    materials.reserve(cells.size());
-    for (const CellPlace& c : cells)
-      materials.push_back(mesh_.blocks[c.block].materials[static_cast<std::size_t>(c.cell)]);
-    return materials;
   }
 
   Mesh<Dim>& mesh_;
@@ -207,7 +194,8 @@ class Repairer {
   const UniformBlocks<Dim> uniform_;
   std::vector<MaterialId> to_image_;
   std::vector<std::uint8_t> required_;  // one a component of the image
-  std::vector<Anchor> restored_;        // of the components that were brought back, in any round
+  std::vector<HeldAnchor> restored_;    // of the components that were brought back, in any round
+  std::vector<CellId> changed_;         // since the last look
   RepairReport report_;
 };
 

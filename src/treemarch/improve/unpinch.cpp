@@ -110,7 +110,7 @@ class Unpincher {
 
   /// Of a pass over some vertices.
   struct Outcome {
-    std::int64_t relabelled = 0;
+    std::vector<CellId> relabelled;
     std::vector<VertexId> pinched;  // those that are left, and those that are pinched by moves
     bool any = false;               // whether there was a move
     bool confined = false;          // a move at one that is left was not tried, as a vertex of it has no star
@@ -296,7 +296,7 @@ bool Unpincher<Dim>::apply_best() {
   for (const Move& move : moves_) {
     if (!keeps_connection<Dim>(patch_, move.cells)) continue;
     relabel(move.cells, move.to);
-    outcome_.relabelled += std::ssize(move.cells);
+    outcome_.relabelled.insert(outcome_.relabelled.end(), move.cells.begin(), move.cells.end());
     touched_.clear();
     for (const CellId c : move.cells) add_vertices<Dim>(patch_.cell(c), touched_);
     for (const VertexId v : touched_)
@@ -385,7 +385,7 @@ UnpinchReport unpinch(Patch<Dim>& patch, const Mesh<Dim>& mesh, const LabelImage
     any = report.confined = false;
     for (const Outcome& outcome : outcomes) {
       vertices.insert(vertices.end(), outcome.pinched.begin(), outcome.pinched.end());
-      report.relabelled += outcome.relabelled;
+      report.relabelled.insert(report.relabelled.end(), outcome.relabelled.begin(), outcome.relabelled.end());
       any |= outcome.any;
       report.confined |= outcome.confined;
     }

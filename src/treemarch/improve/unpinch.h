@@ -36,9 +36,9 @@ class PinchCounter {
 };
 
 struct UnpinchReport {
-  std::int64_t relabelled = 0;  ///< cells
-  std::int64_t left = 0;        ///< sheets beyond one a material
-  bool confined = false;        ///< there might be a move for some of these if more vertices had stars
+  std::vector<CellId> relabelled;  ///< in no order, some more than once
+  std::int64_t left = 0;           ///< sheets beyond one a material
+  bool confined = false;           ///< there might be a move for some of these if more vertices had stars
 };
 
 /// Relabels pieces of the stars of pinched vertices, as long as that makes the boundaries of the materials manifolds at

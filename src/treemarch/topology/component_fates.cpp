@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "treemarch/core/parallel.h"
+#include "treemarch/topology/block_components.h"
 #include "treemarch/topology/marked_blocks.h"
 #include "treemarch/topology/simplices.h"
 #include "treemarch/topology/voxel_centres.h"
@@ -48,7 +49,8 @@ class Fates {
       glance(1, [&](std::int64_t at) { return plain_[at] ? Look::at_first : Look::nowhere; });
     else
       glance(kGlance, [](std::int64_t) { return Look::at_all; });
-    look_closely();
+    look_in_main();
+    look_elsewhere();
     return std::move(fates_);
   }
 
@@ -89,7 +91,8 @@ class Fates {
   void find_main();
   template <class LookAt>
   void glance(std::int64_t every, LookAt&& look);
-  void look_closely();
+  void look_in_main();
+  void look_elsewhere();
 
   /// Notes the components of the voxels in a cell. \param look a Look for each block of voxels
   template <class LookAt>
@@ -183,10 +186,9 @@ void Fates<Dim>::glance(std::int64_t every, LookAt&& look) {
     });
 }
 
-/// At voxels of components that are not yet known to reach the main part of their material, and at all cells of other
-/// parts.
+/// At voxels of components that are not yet known to reach the main part of their material. Lists the cells of others.
 template <int Dim>
-void Fates<Dim>::look_closely() {
+void Fates<Dim>::look_in_main() {
   std::vector<std::uint8_t> undecided(map_.components.size()), has_undecided(image_.labels.size());
   for (std::size_t c = 0; c < undecided.size(); ++c) {
     const MaterialId m = map_.components[c].material;
@@ -201,22 +203,43 @@ void Fates<Dim>::look_closely() {
     for_groups(b, 1, [&](std::size_t i, std::int64_t begin, std::int64_t end) {
       std::optional<bool> touched;
       for_open_cells(b, begin, end, [&](Cell& cell) {
-        const bool in_main = is_in_main(cell);
-        if (in_main) {
+        if (!is_in_main(cell) && missing(cell.material) == kMaySplit) {
+          elsewhere[i].push_back({static_cast<std::uint8_t>(b), cell.cell});
+          return;
+        }
+        if (is_in_main(cell)) {
           if (has_undecided[cell.material] == 0) return;
           if (!touched) touched = blocks.touch(mesh_, mesh_.blocks[b], begin, end);
           if (!*touched) return;
-        } else if (missing(cell.material) == kMaySplit) {
-          elsewhere[i].push_back({static_cast<std::uint8_t>(b), cell.cell});
         }
         visit(cell, [&](std::int64_t at) {
-          return (large && plain_[at]) || (in_main && !blocks[at]) ? Look::nowhere : Look::at_all;
+          return (large && plain_[at]) || (is_in_main(cell) && !blocks[at]) ? Look::nowhere : Look::at_all;
         });
       });
     });
     for (const auto& in_group : elsewhere)
       fates_.elsewhere.insert(fates_.elsewhere.end(), in_group.begin(), in_group.end());
   }
+}
+
+/// At blocks with components that are not yet known to reach the part of a cell: in most there are none.
+template <int Dim>
+void Fates<Dim>::look_elsewhere() {
+  const std::vector<CellPlace>& cells = fates_.elsewhere;
+  if (cells.empty()) return;
+  std::vector<std::uint8_t> wanted(map_.components.size());
+  for (std::size_t c = 0; c < wanted.size(); ++c) wanted[c] = missing(map_.components[c].material) == kMaySplit;
+  const BlockComponents<Dim> where(image_, map_, wanted, execution_);
+  const bool large = needs_plain_blocks(image_, mesh_);
+  parallel_for(execution_, std::ssize(cells), kCellsPerGroup, [&](std::int64_t i) {
+    const CellPlace& place = cells[static_cast<std::size_t>(i)];
+    const MaterialId material = to_image_[mesh_.blocks[place.block].materials[static_cast<std::size_t>(place.cell)]];
+    Cell cell{components_, place.block, place.cell, material};
+    visit(cell, [&](std::int64_t at) {
+      const auto is_new = [&](std::uint32_t c) { return map_.components[c].material == material && !covers(c, cell); };
+      return (large && plain_[at]) || std::ranges::none_of(where[at], is_new) ? Look::nowhere : Look::at_all;
+    });
+  });
 }
 
 }  // namespace
@@ -229,7 +252,7 @@ bool needs_plain_blocks(const LabelImage<Dim>& image, const Mesh<Dim>& mesh) {
 
 // A glance decides about most components: at the plain blocks where cells are large, at some of the cells where they
 // are not. What is left are small components, whose voxels alone need to be looked at in the cells of the main part of
-// a material, and other parts.
+// a material, and other parts, where blocks tell which components may be near.
 template <int Dim>
 ComponentFates component_fates(const LabelImage<Dim>& image, const ComponentMap& map, const Mesh<Dim>& mesh,
                                const MeshComponents<Dim>& components, const PlainBlocks<Dim>& plain,

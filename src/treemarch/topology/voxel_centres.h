@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <optional>
 
 #include "treemarch/image/label_image.h"
 #include "treemarch/image/uniform_blocks.h"
@@ -42,7 +43,7 @@ class VoxelCentres {
   void visit(const Simplex<Dim>& simplex, const Coord<Dim>& blocks, LookAt&& look, Wanted&& wanted, Use&& use) const {
     const VoxelBox<Dim> box = box_of(simplex);
     if (box.is_empty()) return;
-    Inside inside(image_, simplex, box);
+    std::optional<Inside> inside;  // most are not looked at
     const VoxelBox<Dim> around = blocks_around(box);
     for_each_row(around, blocks, [&](Coord<Dim> block, std::int64_t at) {
       for (; block[0] < around.end[0]; ++block[0], ++at) {
@@ -54,7 +55,9 @@ class VoxelCentres {
           part.begin[d] = std::max(first, box.begin[d]);
           part.end[d] = std::min(first + (how == Look::at_first ? 1 : UniformBlocks<Dim>::kSide), box.end[d]);
         }
-        if (!part.is_empty()) visit_box(part, inside, wanted, use);
+        if (part.is_empty()) continue;
+        if (!inside) inside.emplace(image_, simplex, box);
+        visit_box(part, *inside, wanted, use);
       }
     });
   }
