@@ -6,8 +6,8 @@
 
 #include "treemarch/improve/fit.h"
 #include "treemarch/improve/improve.h"
-#include "treemarch/improve/repair_topology.h"
 #include "treemarch/march/cut.h"
+#include "treemarch/repair/repair_topology.h"
 
 namespace treemarch {
 

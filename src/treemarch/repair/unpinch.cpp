@@ -1,4 +1,4 @@
-#include "treemarch/improve/unpinch.h"
+#include "treemarch/repair/unpinch.h"
 
 #include <algorithm>
 #include <atomic>

@@ -1,4 +1,4 @@
-#include "treemarch/improve/bridge.h"
+#include "treemarch/repair/bridge.h"
 
 #include <algorithm>
 #include <array>
@@ -9,7 +9,7 @@
 #include <unordered_map>
 
 #include "treemarch/core/parallel.h"
-#include "treemarch/improve/unpinch.h"
+#include "treemarch/repair/unpinch.h"
 #include "treemarch/topology/marked_blocks.h"
 #include "treemarch/topology/simplices.h"
 #include "treemarch/topology/voxel_centres.h"

@@ -1,4 +1,4 @@
-#include "treemarch/improve/keep_components.h"
+#include "treemarch/repair/keep_components.h"
 
 #include <gtest/gtest.h>
 
@@ -6,8 +6,8 @@
 
 #include "improve/improve_meshes.h"
 #include "treemarch/improve/fit.h"
-#include "treemarch/improve/repair_topology.h"
 #include "treemarch/pipeline/mesh_image.h"
+#include "treemarch/repair/repair_topology.h"
 #include "treemarch/report/fidelity.h"
 
 namespace treemarch {

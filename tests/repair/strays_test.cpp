@@ -1,4 +1,4 @@
-#include "treemarch/improve/strays.h"
+#include "treemarch/repair/strays.h"
 
 #include <gtest/gtest.h>
 
@@ -6,8 +6,8 @@
 #include <set>
 
 #include "support/images.h"
-#include "treemarch/improve/repair_topology.h"
 #include "treemarch/pipeline/mesh_image.h"
+#include "treemarch/repair/repair_topology.h"
 
 namespace treemarch {
 namespace {

@@ -1,17 +1,17 @@
-#include "treemarch/improve/repair_topology.h"
+#include "treemarch/repair/repair_topology.h"
 
 #include <algorithm>
 #include <numeric>
 #include <vector>
 
 #include "treemarch/core/parallel.h"
-#include "treemarch/improve/bridge.h"
-#include "treemarch/improve/keep_components.h"
-#include "treemarch/improve/neighbourhood.h"
 #include "treemarch/improve/patch.h"
-#include "treemarch/improve/strays.h"
-#include "treemarch/improve/unpinch.h"
 #include "treemarch/mesh/marks.h"
+#include "treemarch/repair/bridge.h"
+#include "treemarch/repair/keep_components.h"
+#include "treemarch/repair/neighbourhood.h"
+#include "treemarch/repair/strays.h"
+#include "treemarch/repair/unpinch.h"
 #include "treemarch/topology/component_fates.h"
 #include "treemarch/topology/marked_blocks.h"
 #include "treemarch/topology/voxel_centres.h"

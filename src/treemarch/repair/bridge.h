@@ -10,7 +10,7 @@
 #include "treemarch/image/label_image.h"
 #include "treemarch/improve/anchors.h"
 #include "treemarch/improve/patch.h"
-#include "treemarch/improve/repair_topology.h"
+#include "treemarch/repair/repair_topology.h"
 #include "treemarch/topology/component_fates.h"
 
 namespace treemarch {

@@ -1,4 +1,4 @@
-#include "treemarch/improve/keep_components.h"
+#include "treemarch/repair/keep_components.h"
 
 #include <algorithm>
 #include <tuple>

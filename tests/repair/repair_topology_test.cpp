@@ -1,4 +1,4 @@
-#include "treemarch/improve/repair_topology.h"
+#include "treemarch/repair/repair_topology.h"
 
 #include <gtest/gtest.h>
 

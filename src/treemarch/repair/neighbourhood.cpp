@@ -1,4 +1,4 @@
-#include "treemarch/improve/neighbourhood.h"
+#include "treemarch/repair/neighbourhood.h"
 
 #include <algorithm>
 #include <array>

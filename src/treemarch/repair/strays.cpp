@@ -1,12 +1,12 @@
-#include "treemarch/improve/strays.h"
+#include "treemarch/repair/strays.h"
 
 #include <algorithm>
 #include <span>
 #include <tuple>
 #include <utility>
 
-#include "treemarch/improve/unpinch.h"
 #include "treemarch/mesh/marks.h"
+#include "treemarch/repair/unpinch.h"
 #include "treemarch/topology/simplices.h"
 #include "treemarch/topology/voxel_centres.h"
 
