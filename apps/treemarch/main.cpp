@@ -7,6 +7,7 @@
 #include <string>
 
 #include "commands.h"
+#include "memory_limit.h"
 #include "treemarch/core/error.h"
 #include "treemarch/report/report.h"
 
@@ -31,6 +32,9 @@ int run(const treemarch::app::Command& command) {
   } catch (const treemarch::Cancelled&) {
     return fail("interrupted; nothing was written", kInterrupted);
   } catch (const std::bad_alloc&) {
+    if (treemarch::app::reserved_scratch_bytes() > 0)
+      return fail("out of room on the disk for what exceeds --max-memory; name another folder (--scratch)",
+                  static_cast<int>(ErrorKind::limits));
     return fail("out of memory; choose larger cells (--min-size) or a part of the image (--roi)",
                 static_cast<int>(ErrorKind::limits));
   } catch (const std::exception& e) {

@@ -1,15 +1,18 @@
 // treemarch mesh IMAGE -o OUT: the whole way from an image file to a mesh file.
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <sstream>
 
 #include "commands.h"
 #include "image_options.h"
+#include "memory_limit.h"
 #include "mesh_options.h"
 #include "options.h"
 #include "terminal.h"
+#include "treemarch/core/scratch_memory.h"
 #include "treemarch/mesh/interfaces.h"
 #include "treemarch/mesh/output_file.h"
 #include "treemarch/mesh/partition.h"
@@ -36,7 +39,7 @@ struct MeshCommandOptions {
   OutputSpace space = OutputSpace::file;
   bool compress = true, force = false, json = false, quiet = false, strict = false;
   int threads = 0;
-  std::string max_memory;
+  std::string max_memory, scratch;
   bool surface = false;
   int partitions = 0;
   std::vector<std::string> node_sets;
@@ -108,6 +111,25 @@ std::optional<GreyInput<Dim>> load_grey(const MeshCommandOptions& options, Execu
   return GreyInput<Dim>{crop_image(std::move(*grey), options.prepare.roi), *options.reading.threshold};
 }
 
+/// Where what exceeds --max-memory goes: beside the mesh, or where systems have a disk for such files.
+std::string scratch_folder(const MeshCommandOptions& options) {
+  if (!options.scratch.empty()) return options.scratch;
+  std::string folder = std::filesystem::path(options.output).parent_path().string();
+  if (folder.empty()) folder = ".";
+  return is_on_disk(folder) ? folder : "/var/tmp";
+}
+
+void apply_memory_limit(const MeshCommandOptions& options) {
+  constexpr std::int64_t kLeast = 100'000'000;
+  if (options.max_memory.empty()) {
+    if (!options.scratch.empty()) throw Error(ErrorKind::usage, "--scratch: says where what exceeds --max-memory goes; give both");
+    return;
+  }
+  const std::int64_t most = parse_bytes(options.max_memory, "--max-memory");
+  if (most < kLeast) throw Error(ErrorKind::usage, "--max-memory: " + options.max_memory + " is too little; give 100MB or more");
+  limit_memory(most, scratch_folder(options));
+}
+
 /// Refuses what will not fit. Meshes of the default size are small: they count where a limit or a large image asks.
 template <int Dim>
 void require_memory(const MeshCommandOptions& options, const LabelImage<Dim>& image, const MeshOptions& mesh,
@@ -116,10 +138,14 @@ void require_memory(const MeshCommandOptions& options, const LabelImage<Dim>& im
   if (mesh.sizes.min_size == 0 && options.max_memory.empty() && product(image.extent) < kLargeImage) return;
   SizingRule sizes = complete_sizes(image, mesh, execution);
   if (sizes.tolerance > 0) sizes.min_size = sizes.floor_size;
-  const std::int64_t most =
-      options.max_memory.empty() ? available_memory_bytes() : parse_bytes(options.max_memory, "--max-memory");
   const bool grey = !options.grey.empty() || options.reading.threshold;
-  require_memory(estimate_mesh(image, sizes, grey, execution), most);
+  const MeshEstimate estimate = estimate_mesh(image, sizes, grey, execution);
+  if (options.max_memory.empty()) return require_memory(estimate, available_memory_bytes());
+  const std::string folder = scratch_folder(options);
+  const std::int64_t most = parse_bytes(options.max_memory, "--max-memory");
+  require_disk(estimate, most, free_disk_bytes(folder) + reserved_scratch_bytes(), folder);
+  if (estimate.memory_bytes > most)
+    execution.warn(describe(estimate, most) + "; the rest goes to a file in " + folder + ", which takes longer");
 }
 
 /// The image of sizes, if one is given.
@@ -218,6 +244,7 @@ void publish(const MeshCommandOptions& options, const Report& report) {
 
 void run(const MeshCommandOptions& options, const std::vector<std::pair<std::string, std::string>>& given) {
   check_outputs(options);
+  apply_memory_limit(options);
   Execution execution(options.threads);
   Terminal terminal(execution, options.quiet);
   ImageOptions reading = options.reading;
@@ -251,6 +278,7 @@ void run(const MeshCommandOptions& options, const std::vector<std::pair<std::str
     report.seconds = execution.stage_times();
     report.warnings = terminal.warnings();
     report.peak_memory_bytes = peak_memory_bytes();
+    report.scratch_bytes = reserved_scratch_bytes();
     publish(options, report);
   });
 }
@@ -296,7 +324,10 @@ void add_output_options(CLI::App& mesh, MeshCommandOptions& o) {
   mesh.add_flag("--quiet", o.quiet, "Print nothing but errors; measure nothing unless a report or --strict asks");
   add_threads_option(mesh, o.threads);
   mesh.add_option("--max-memory", o.max_memory,
-                  "Refuse what is estimated to need more, as 12GB; default: what the machine has left");
+                  "Main memory to use, as 12GB; what needs more is kept in a file (--scratch). Without it, what is "
+                  "estimated to need more than the machine has left is refused");
+  mesh.add_option("--scratch", o.scratch, "Folder on a disk for that file, which has no name; default: that of -o, or /var/tmp if "
+                  "that is in memory");
 }
 
 void add_selection_options(CLI::App& mesh, PrepareOptions& o, CleanUpOptions& clean) {

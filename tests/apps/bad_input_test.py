@@ -1,4 +1,5 @@
 """Bad input: one line, the right exit code, nothing written."""
+import os
 import pathlib
 import unittest
 
@@ -255,6 +256,18 @@ class BadOutput(ProgramTest):
 
     def test_one_name_for_two_files(self):
         self.fail_with(USAGE, "mesh", self.image, "-o", self.path("m.vtu"), "--interfaces", self.path("m.vtu"))
+
+    def test_nowhere_for_what_exceeds_the_memory(self):
+        image = files.write_nrrd(self.path("a.nrrd"), files.balls())
+        mesh = ["mesh", image, "-o", self.path("m.vtu")]
+        self.fail_with(USAGE, *mesh, "--scratch", str(self.dir), says="--max-memory")
+        for little in ("0", "99MB", "much"):
+            self.fail_with(USAGE, *mesh, "--max-memory", little, says="--max-memory")
+        for nowhere in (self.path("none"), image, "/proc"):
+            self.fail_with(OUTPUT, *mesh, "--max-memory", "1GB", "--scratch", nowhere, says=nowhere)
+        # The estimate of 5e11 cells is beyond any disk.
+        self.fail_with(LIMITS, *mesh, "--max-memory", "1GB", "--scratch", os.getcwd(), "--min-size", "0.0005",
+                       says="free in " + os.getcwd())
 
     def test_disk_full(self):
         for name in ("m.vtu", "m.msh", "m.mesh", "m.xdmf"):

@@ -1,5 +1,6 @@
 """What the program makes of good input, looked at by programs that are not ours (VTK, meshio)."""
 import json
+import os
 import pathlib
 import re
 import signal
@@ -326,6 +327,25 @@ class Meshes(ProgramTest):
         self.assertEqual((self.dir / "m.vtu").read_bytes(), first)
         self.mesh("--config", self.path("c.toml"), "--background", "drop")
         self.assertNotEqual((self.dir / "m.vtu").read_bytes(), first, "the command line wins")
+
+
+class LittleMemory(ProgramTest):
+    def test_what_exceeds_the_limit_is_kept_on_a_disk(self):
+        grid = np.indices((150, 150, 150))
+        labels = (sum((grid[d] - 60.0 - 20 * d) ** 2 for d in range(3)) < 50 ** 2).astype("uint8")
+        labels[grid[0] + grid[1] > 190] += 2
+        image = files.write_nrrd(self.path("a.nrrd"), labels)
+        options = ["mesh", image, "-o", self.path("m.vtu"), "--force", "--min-size", "1vox", "--json", "--quiet"]
+        whole = json.loads(self.succeed(*options))
+        expected = (self.dir / "m.vtu").read_bytes()
+        before = self.files()
+        little = json.loads(self.succeed(*options, "--max-memory", "100MB", "--scratch", os.getcwd()))
+        self.assertEqual((self.dir / "m.vtu").read_bytes(), expected)
+        self.assertEqual(self.files(), before)
+        self.assertEqual(whole["scratch_bytes"], 0)
+        self.assertGreater(little["scratch_bytes"], 50e6)
+        self.assertLess(little["peak_memory_bytes"], 0.8 * whole["peak_memory_bytes"])
+        self.assertIn("cells need about", little["warnings"][0])
 
 
 class Reports(ProgramTest):

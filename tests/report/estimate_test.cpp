@@ -100,5 +100,20 @@ TEST(Estimate, WhatDoesNotFitIsRefusedWithTheNumbers) {
   EXPECT_GT(available_memory_bytes(), 0);
 }
 
+TEST(Estimate, ADiskHoldsTheRestIfItHasTheRoom) {
+  MeshEstimate estimate;
+  estimate.cells = 20'000'000;
+  estimate.memory_bytes = 3'000'000'000;
+  EXPECT_NO_THROW(require_disk(estimate, 3'000'000'000, 0, "place"));
+  EXPECT_NO_THROW(require_disk(estimate, 1'000'000'000, 5'000'000'000, "place"));
+  try {
+    require_disk(estimate, 1'000'000'000, 3'500'000'000, "place");
+    FAIL();
+  } catch (const Error& e) {
+    EXPECT_EQ(e.kind(), ErrorKind::limits);
+    EXPECT_NE(std::string(e.what()).find("4.2 GB, for which 3.5 GB are free in place"), std::string::npos) << e.what();
+  }
+}
+
 }  // namespace
 }  // namespace treemarch

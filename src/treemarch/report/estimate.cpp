@@ -22,6 +22,7 @@ constexpr double kCellsPerArea[] = {0, 0, 20, 38};  // of interfaces, in units o
 constexpr double kBytesPerCell = 55;
 constexpr double kBytesPerVoxel = 2.5;  // beside the image
 constexpr double kBytesAlways = 50e6;
+constexpr double kScratchPerMemory = 1.4;  // with a seventh to a third of the memory; pieces leave gaps
 
 }  // namespace
 
@@ -101,7 +102,8 @@ std::int64_t available_memory_bytes() {
   std::int64_t least = std::numeric_limits<std::int64_t>::max();
   if (const std::int64_t kilobytes = limit_in("/proc/meminfo", "MemAvailable:"); kilobytes > 0)
     least = kilobytes * 1024;
-  if (const std::int64_t group = limit_in("/sys/fs/cgroup/memory.max", ""); group > 0) least = std::min(least, group);
+  for (const char* limit : {"/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"})
+    if (const std::int64_t group = limit_in(limit, ""); group > 0) least = std::min(least, group);
   return least;
 }
 
@@ -123,16 +125,29 @@ std::int64_t parse_bytes(std::string_view text, std::string_view option) {
               std::string(option) + ": '" + std::string(text) + "' is no amount of memory; write 12GB, 900MB or 8GiB");
 }
 
+std::string describe(const MeshEstimate& estimate, std::int64_t most) {
+  char text[128];
+  std::snprintf(text, sizeof text, "about %.1f million cells need about %.1f GB, and %.1f GB may be used",
+                static_cast<double>(estimate.cells) / 1e6, static_cast<double>(estimate.memory_bytes) / 1e9,
+                static_cast<double>(most) / 1e9);
+  return text;
+}
+
 void require_memory(const MeshEstimate& estimate, std::int64_t most) {
   if (estimate.memory_bytes <= most) return;
-  char text[256];
-  std::snprintf(
-      text, sizeof text,
-      "--max-memory: about %.1f million cells need about %.1f GB, and %.1f GB may be used; choose larger cells "
-      "(--min-size), a part of the image (--roi), or a higher limit",
-      static_cast<double>(estimate.cells) / 1e6, static_cast<double>(estimate.memory_bytes) / 1e9,
-      static_cast<double>(most) / 1e9);
-  throw Error(ErrorKind::limits, text);
+  throw Error(ErrorKind::limits, "--min-size: " + describe(estimate, most) +
+                                     "; choose larger cells, a part of the image (--roi), or a limit (--max-memory) "
+                                     "beyond which a disk is used");
+}
+
+void require_disk(const MeshEstimate& estimate, std::int64_t most, std::int64_t room, const std::string& folder) {
+  const double file = kScratchPerMemory * static_cast<double>(estimate.memory_bytes);
+  if (estimate.memory_bytes <= most || file <= static_cast<double>(room)) return;
+  char disk[96];
+  std::snprintf(disk, sizeof disk, ", with a file of %.1f GB, for which %.1f GB are free in ", file / 1e9,
+                static_cast<double>(room) / 1e9);
+  throw Error(ErrorKind::limits, "--max-memory: " + describe(estimate, most) + disk + folder +
+                                     "; name another one (--scratch) or choose larger cells (--min-size)");
 }
 
 template MeshEstimate estimate_mesh(const LabelImage<2>&, const SizingRule&, bool, const Execution&);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <string_view>
 
 #include "treemarch/core/execution.h"
@@ -33,7 +34,13 @@ std::int64_t available_memory_bytes();
 /// \return the bytes in "12GB", "12GiB" or "900M"; a bare number is bytes. \throw Error(usage), naming `option`
 std::int64_t parse_bytes(std::string_view text, std::string_view option);
 
+/// "about 20.0 million cells need about 3.0 GB, and 2.0 GB may be used".
+std::string describe(const MeshEstimate& estimate, std::int64_t most);
+
 /// \throw Error(limits) with the numbers if the estimate is above `most` bytes.
 void require_memory(const MeshEstimate& estimate, std::int64_t most);
+
+/// The same where what is beyond `most` goes to a file in a folder, which has room for so many bytes.
+void require_disk(const MeshEstimate& estimate, std::int64_t most, std::int64_t room, const std::string& folder);
 
 }  // namespace treemarch

@@ -220,6 +220,7 @@ std::string to_json(const Report& report) {
   for (const Execution::StageTime& s : report.seconds)
     json["seconds"][s.name] = json["seconds"].value(s.name, 0.0) + s.seconds;  // a stage may run more than once
   json["peak_memory_bytes"] = report.peak_memory_bytes;
+  json["scratch_bytes"] = report.scratch_bytes;
   json["warnings"] = report.warnings;
   // Names come from files and may not be valid UTF-8.
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";

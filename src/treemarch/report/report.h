@@ -57,6 +57,7 @@ struct Report {
   std::vector<Execution::StageTime> seconds;                    ///< by stage
   double mesh_seconds = 0;                                      ///< from the image in memory to the mesh in memory
   std::int64_t peak_memory_bytes = 0;                           ///< of the whole process so far
+  std::int64_t scratch_bytes = 0;                               ///< of a disk, for what exceeded a limit of memory
   std::vector<std::string> warnings;
 
   [[nodiscard]] std::int64_t cell_count() const {

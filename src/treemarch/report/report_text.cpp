@@ -186,6 +186,8 @@ std::string to_text(const Report& report, ReportLength length) {
   if (report.mesh_seconds > 0) {
     text += format("\nmeshed in %.2f s, %.2f GB at the peak", report.mesh_seconds,
                    static_cast<double>(report.peak_memory_bytes) / 1e9);
+    if (report.scratch_bytes > 0)
+      text += format(", %.2f GB on a disk", static_cast<double>(report.scratch_bytes) / 1e9);
   }
   text += "\n";
   if (length == ReportLength::full) {
