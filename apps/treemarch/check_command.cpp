@@ -5,6 +5,7 @@
 
 #include "commands.h"
 #include "image_options.h"
+#include "memory_limit.h"
 #include "options.h"
 #include "terminal.h"
 #include "treemarch/mesh/move_to_inner.h"
@@ -20,6 +21,7 @@ namespace {
 struct CheckOptions {
   std::string mesh, image;
   ImageOptions reading;
+  MemoryOptions memory;
   OutputSpace space = OutputSpace::file;
   std::int32_t background = 0;
   std::int64_t min_component = 8;
@@ -43,6 +45,7 @@ Fidelity compare(Mesh<Dim>& mesh, const CheckOptions& options, Execution& execut
 void run(const CheckOptions& options) {
   if (options.strict && options.image.empty())
     throw Error(ErrorKind::usage, "--strict: needs an image to compare with; give --image");
+  if (const auto limit = memory_limit(options.memory, "")) apply(*limit);
   Execution execution(options.threads);
   Terminal terminal(execution, false);
   Report report;
@@ -64,6 +67,7 @@ void run(const CheckOptions& options) {
       any);
   report.seconds = execution.stage_times();
   report.peak_memory_bytes = peak_memory_bytes();
+  report.scratch_bytes = reserved_scratch_bytes();
   report.warnings = terminal.warnings();
   std::fputs((options.json ? to_json(report) : to_text(report, ReportLength::full)).c_str(), stdout);
   if (!report.defects->sound()) throw Error(ErrorKind::limits, options.mesh + ": " + report.defects->describe());
@@ -85,6 +89,7 @@ void add_check_command(CLI::App& app, Command& command) {
   add_topology_options(*check, options->min_component, options->strict);
   check->add_flag("--json", options->json, "Print JSON");
   add_threads_option(*check, options->threads);
+  add_memory_options(*check, options->memory);
   check->callback([options, &command] { command = [options] { run(*options); }; });
 }
 

@@ -4,6 +4,7 @@
 
 #include "commands.h"
 #include "image_options.h"
+#include "memory_limit.h"
 #include "options.h"
 #include "terminal.h"
 #include "treemarch/report/estimate.h"
@@ -15,6 +16,7 @@ namespace {
 struct InfoOptions {
   std::string image;
   ImageOptions reading;
+  MemoryOptions memory;
   bool json = false;
   int threads = 0;
 };
@@ -80,6 +82,7 @@ void print(const nlohmann::ordered_json& info) {
 }
 
 void run(const InfoOptions& options) {
+  if (const auto limit = memory_limit(options.memory, "")) apply(*limit);
   Execution execution(options.threads);
   Terminal terminal(execution, false);
   with_image(options.image, options.reading, execution, [&](auto image) {
@@ -100,6 +103,7 @@ void add_info_command(CLI::App& app, Command& command) {
   add_image_options(*info, options->reading);
   info->add_flag("--json", options->json, "Print JSON");
   add_threads_option(*info, options->threads);
+  add_memory_options(*info, options->memory);
   info->callback([options, &command] { command = [options] { run(*options); }; });
 }
 

@@ -4,20 +4,22 @@
 
 #include <atomic>
 #include <cstdlib>
+#include <filesystem>
 #include <new>
 
+#include "treemarch/core/error.h"
 #include "treemarch/core/scratch_memory.h"
+#include "treemarch/report/estimate.h"
 
 namespace treemarch::app {
 namespace {
 
 constexpr std::size_t kLarge = 512;
 
-/// Decides where large arrays lie.
-class MemoryLimit {
+/// Decides where arrays lie. What is smaller is always in memory, and not counted.
+class LimitedMemory {
  public:
-  MemoryLimit(std::int64_t bytes, const std::string& folder)
-      : most_in_memory_(bytes / 2), scratch_(folder, bytes) {
+  LimitedMemory(std::int64_t bytes, const std::string& folder) : most_in_memory_(bytes / 2), scratch_(folder, bytes) {
     ::mallopt(M_MMAP_THRESHOLD, 1 << 20);  // what is freed goes back to the system
   }
 
@@ -47,24 +49,46 @@ class MemoryLimit {
 };
 
 // Never destroyed: what is released last lies in it.
-std::atomic<MemoryLimit*> limit{nullptr};
+std::atomic<LimitedMemory*> limited{nullptr};
 
 }  // namespace
 
-void limit_memory(std::int64_t bytes, const std::string& folder) { limit = new MemoryLimit(bytes, folder); }
+void add_memory_options(CLI::App& command, MemoryOptions& options) {
+  command.add_option("--max-memory", options.most, "Main memory to use, as 12GB; what needs more is kept in a file");
+  command.add_option("--scratch", options.scratch,
+                     "Folder on a disk for that file, which has no name; default: that of -o, or /var/tmp");
+}
+
+std::optional<MemoryLimit> memory_limit(const MemoryOptions& options, const std::string& output) {
+  constexpr std::int64_t kLeast = 100'000'000;
+  if (options.most.empty()) {
+    if (options.scratch.empty()) return std::nullopt;
+    throw Error(ErrorKind::usage, "--scratch: is for what exceeds --max-memory; give both");
+  }
+  MemoryLimit limit{parse_bytes(options.most, "--max-memory"), options.scratch};
+  if (limit.bytes < kLeast)
+    throw Error(ErrorKind::usage, "--max-memory: " + options.most + " is too little; give 100MB or more");
+  if (limit.folder.empty()) {
+    limit.folder = std::filesystem::path(output).parent_path().string();
+    if (limit.folder.empty() && !output.empty()) limit.folder = ".";
+    if (limit.folder.empty() || !is_on_disk(limit.folder)) limit.folder = "/var/tmp";
+  }
+  return limit;
+}
+
+void apply(const MemoryLimit& limit) { limited = new LimitedMemory(limit.bytes, limit.folder); }
 
 std::int64_t reserved_scratch_bytes() {
-  const MemoryLimit* const active = limit;
-  return active ? active->in_file() : 0;
+  const LimitedMemory* const memory = limited;
+  return memory ? memory->in_file() : 0;
 }
 
 }  // namespace treemarch::app
 
 void* operator new(std::size_t bytes) {
-  using treemarch::app::limit;
   if (bytes >= treemarch::app::kLarge)
-    if (auto* const active = limit.load(std::memory_order_relaxed)) {
-      if (void* const p = active->allocate(bytes)) return p;
+    if (auto* const memory = treemarch::app::limited.load(std::memory_order_relaxed)) {
+      if (void* const p = memory->allocate(bytes)) return p;
       throw std::bad_alloc();
     }
   if (void* const p = std::malloc(bytes > 0 ? bytes : 1)) return p;
@@ -73,7 +97,7 @@ void* operator new(std::size_t bytes) {
 
 void operator delete(void* p) noexcept {
   if (p == nullptr) return;
-  if (auto* const active = treemarch::app::limit.load(std::memory_order_relaxed)) return active->release(p);
+  if (auto* const memory = treemarch::app::limited.load(std::memory_order_relaxed)) return memory->release(p);
   std::free(p);
 }
 

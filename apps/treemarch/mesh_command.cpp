@@ -1,7 +1,6 @@
 // treemarch mesh IMAGE -o OUT: the whole way from an image file to a mesh file.
 #include <algorithm>
 #include <cstdio>
-#include <filesystem>
 #include <memory>
 #include <optional>
 #include <sstream>
@@ -39,7 +38,7 @@ struct MeshCommandOptions {
   OutputSpace space = OutputSpace::file;
   bool compress = true, force = false, json = false, quiet = false, strict = false;
   int threads = 0;
-  std::string max_memory, scratch;
+  MemoryOptions memory;
   bool surface = false;
   int partitions = 0;
   std::vector<std::string> node_sets;
@@ -111,41 +110,21 @@ std::optional<GreyInput<Dim>> load_grey(const MeshCommandOptions& options, Execu
   return GreyInput<Dim>{crop_image(std::move(*grey), options.prepare.roi), *options.reading.threshold};
 }
 
-/// Where what exceeds --max-memory goes: beside the mesh, or where systems have a disk for such files.
-std::string scratch_folder(const MeshCommandOptions& options) {
-  if (!options.scratch.empty()) return options.scratch;
-  std::string folder = std::filesystem::path(options.output).parent_path().string();
-  if (folder.empty()) folder = ".";
-  return is_on_disk(folder) ? folder : "/var/tmp";
-}
-
-void apply_memory_limit(const MeshCommandOptions& options) {
-  constexpr std::int64_t kLeast = 100'000'000;
-  if (options.max_memory.empty()) {
-    if (!options.scratch.empty()) throw Error(ErrorKind::usage, "--scratch: says where what exceeds --max-memory goes; give both");
-    return;
-  }
-  const std::int64_t most = parse_bytes(options.max_memory, "--max-memory");
-  if (most < kLeast) throw Error(ErrorKind::usage, "--max-memory: " + options.max_memory + " is too little; give 100MB or more");
-  limit_memory(most, scratch_folder(options));
-}
-
 /// Refuses what will not fit. Meshes of the default size are small: they count where a limit or a large image asks.
 template <int Dim>
-void require_memory(const MeshCommandOptions& options, const LabelImage<Dim>& image, const MeshOptions& mesh,
-                    Execution& execution) {
+void require_memory(const MeshCommandOptions& options, const std::optional<MemoryLimit>& limit,
+                    const LabelImage<Dim>& image, const MeshOptions& mesh, Execution& execution) {
   constexpr std::int64_t kLargeImage = 100'000'000;  // voxels
-  if (mesh.sizes.min_size == 0 && options.max_memory.empty() && product(image.extent) < kLargeImage) return;
+  if (mesh.sizes.min_size == 0 && !limit && product(image.extent) < kLargeImage) return;
   SizingRule sizes = complete_sizes(image, mesh, execution);
   if (sizes.tolerance > 0) sizes.min_size = sizes.floor_size;
   const bool grey = !options.grey.empty() || options.reading.threshold;
   const MeshEstimate estimate = estimate_mesh(image, sizes, grey, execution);
-  if (options.max_memory.empty()) return require_memory(estimate, available_memory_bytes());
-  const std::string folder = scratch_folder(options);
-  const std::int64_t most = parse_bytes(options.max_memory, "--max-memory");
-  require_disk(estimate, most, free_disk_bytes(folder) + reserved_scratch_bytes(), folder);
-  if (estimate.memory_bytes > most)
-    execution.warn(describe(estimate, most) + "; the rest goes to a file in " + folder + ", which takes longer");
+  if (!limit) return require_memory(estimate, available_memory_bytes());
+  require_disk(estimate, limit->bytes, free_disk_bytes(limit->folder) + reserved_scratch_bytes(), limit->folder);
+  if (estimate.memory_bytes > limit->bytes)
+    execution.warn("--max-memory: " + describe(estimate, limit->bytes) + "; the rest goes to a file in " +
+                   limit->folder);
 }
 
 /// The image of sizes, if one is given.
@@ -244,7 +223,8 @@ void publish(const MeshCommandOptions& options, const Report& report) {
 
 void run(const MeshCommandOptions& options, const std::vector<std::pair<std::string, std::string>>& given) {
   check_outputs(options);
-  apply_memory_limit(options);
+  const std::optional<MemoryLimit> limit = memory_limit(options.memory, options.output);
+  if (limit) apply(*limit);
   Execution execution(options.threads);
   Terminal terminal(execution, options.quiet);
   ImageOptions reading = options.reading;
@@ -264,7 +244,7 @@ void run(const MeshCommandOptions& options, const std::vector<std::pair<std::str
     const MeshOptions mesh_options = resolve(options.mesh, image, sizes ? &*sizes : nullptr);
     std::optional<GreyInput<Dim>> grey;
     if constexpr (Dim < 4) {
-      require_memory(options, image, mesh_options, execution);
+      require_memory(options, limit, image, mesh_options, execution);
       grey = load_grey<Dim>(options, execution);
     }
     const MeshResult<Dim> result = mesh_image(image, mesh_options, execution, grey ? &*grey : nullptr);
@@ -323,11 +303,7 @@ void add_output_options(CLI::App& mesh, MeshCommandOptions& o) {
   mesh.add_flag("--json", o.json, "Print the report as JSON");
   mesh.add_flag("--quiet", o.quiet, "Print nothing but errors; measure nothing unless a report or --strict asks");
   add_threads_option(mesh, o.threads);
-  mesh.add_option("--max-memory", o.max_memory,
-                  "Main memory to use, as 12GB; what needs more is kept in a file (--scratch). Without it, what is "
-                  "estimated to need more than the machine has left is refused");
-  mesh.add_option("--scratch", o.scratch, "Folder on a disk for that file, which has no name; default: that of -o, or /var/tmp if "
-                  "that is in memory");
+  add_memory_options(mesh, o.memory);
 }
 
 void add_selection_options(CLI::App& mesh, PrepareOptions& o, CleanUpOptions& clean) {

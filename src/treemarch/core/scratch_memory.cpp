@@ -24,9 +24,9 @@ using namespace std::chrono_literals;
 constexpr auto kInterval = 500us;
 // What threads may touch between two looks.
 constexpr std::int64_t kMargin = std::int64_t{1} << 27;
-constexpr std::size_t kGranularity = 64;               // of extents
-constexpr std::size_t kHeader = kGranularity;          // before what is handed out: the bytes of the extent
-constexpr std::size_t kStep = std::size_t{1} << 26;    // by which the file grows
+constexpr std::size_t kGranularity = 64;                  // of extents
+constexpr std::size_t kHeader = kGranularity;             // before what is handed out: the bytes of the extent
+constexpr std::size_t kStep = std::size_t{1} << 26;       // by which the file grows
 constexpr std::size_t kForgotten = std::size_t{1} << 20;  // extents that are worth a call to the system
 
 std::size_t page_bytes() {
