@@ -14,16 +14,18 @@
 namespace treemarch::app {
 namespace {
 
-constexpr std::size_t kLarge = 512;
+// What is smaller is neither moved nor counted. Sizes that malloc() rounds up to this or beyond are asked for with as
+// much.
+constexpr std::size_t kLarge = 505;
 
-/// Decides where arrays lie. What is smaller is always in memory, and not counted.
+/// Decides where arrays lie.
 class LimitedMemory {
  public:
   LimitedMemory(std::int64_t bytes, const std::string& folder) : most_in_memory_(bytes / 2), scratch_(folder, bytes) {
     ::mallopt(M_MMAP_THRESHOLD, 1 << 20);  // what is freed goes back to the system
   }
 
-  void* allocate(std::size_t bytes) {
+  void* allocate(std::size_t bytes) noexcept {
     const auto size = static_cast<std::int64_t>(bytes);
     if (in_memory_.fetch_add(size, std::memory_order_relaxed) + size > most_in_memory_) {
       in_memory_.fetch_sub(size, std::memory_order_relaxed);
@@ -85,13 +87,14 @@ std::int64_t reserved_scratch_bytes() {
 
 }  // namespace treemarch::app
 
+void* operator new(std::size_t bytes, const std::nothrow_t&) noexcept {
+  auto* const memory =
+      bytes < treemarch::app::kLarge ? nullptr : treemarch::app::limited.load(std::memory_order_relaxed);
+  return memory ? memory->allocate(bytes) : std::malloc(bytes > 0 ? bytes : 1);
+}
+
 void* operator new(std::size_t bytes) {
-  if (bytes >= treemarch::app::kLarge)
-    if (auto* const memory = treemarch::app::limited.load(std::memory_order_relaxed)) {
-      if (void* const p = memory->allocate(bytes)) return p;
-      throw std::bad_alloc();
-    }
-  if (void* const p = std::malloc(bytes > 0 ? bytes : 1)) return p;
+  if (void* const p = ::operator new(bytes, std::nothrow)) return p;
   throw std::bad_alloc();
 }
 
@@ -102,3 +105,4 @@ void operator delete(void* p) noexcept {
 }
 
 void operator delete(void* p, std::size_t) noexcept { ::operator delete(p); }
+void operator delete(void* p, const std::nothrow_t&) noexcept { ::operator delete(p); }

@@ -344,7 +344,7 @@ class LittleMemory(ProgramTest):
         self.assertEqual(self.files(), before)
         self.assertEqual(whole["scratch_bytes"], 0)
         self.assertGreater(little["scratch_bytes"], 50e6)
-        self.assertLess(little["peak_memory_bytes"], 0.8 * whole["peak_memory_bytes"])
+        self.assertGreater(whole["peak_memory_bytes"] - little["peak_memory_bytes"], 50e6)
         self.assertIn("cells need about", little["warnings"][0])
 
 
