@@ -6,6 +6,7 @@
 
 #include "treemarch/core/parallel.h"
 #include "treemarch/image/uniform_blocks.h"
+#include "treemarch/repair/parts_of_components.h"
 #include "treemarch/topology/block_components.h"
 #include "treemarch/topology/marked_blocks.h"
 #include "treemarch/topology/simplices.h"
@@ -61,29 +62,6 @@ std::vector<std::uint8_t> with_material_of(std::span<const CellPlace> cells, con
     marks[c] = fates.of[c].lost() ? 0 : has_cell[map.components[c].material];
   return marks;
 }
-
-/// Which components of the mesh hold voxels of a component of the image.
-class PartsOfComponents {
- public:
-  template <int Dim>
-  PartsOfComponents(const ComponentFates& fates, const BrokenComponents<Dim>& broken) : fates_(fates) {
-    for (const auto& p : broken.parts) split_.push_back({p.image_component, p.mesh_component});
-    std::ranges::sort(split_);
-  }
-  /// Whether a component of the image is in the mesh, but not in a part.
-  [[nodiscard]] bool is_elsewhere(std::uint32_t component, std::uint32_t part) const {
-    const ComponentFate& fate = fates_.of[component];
-    if (fate.lost()) return false;
-    if (part < fate.first || part > fate.last) return true;
-    // Of a component in parts that is not to be mended any part between the first and the last counts.
-    return fate.split() && !std::ranges::binary_search(split_, std::pair(component, part)) &&
-           std::ranges::binary_search(split_, component, {}, &std::pair<std::uint32_t, std::uint32_t>::first);
-  }
-
- private:
-  const ComponentFates& fates_;
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> split_;  // component of the image and of the mesh, ascending
-};
 
 /// A voxel in a cell of its material.
 struct Hit {

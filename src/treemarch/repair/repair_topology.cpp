@@ -10,6 +10,7 @@
 #include "treemarch/repair/bridge.h"
 #include "treemarch/repair/keep_components.h"
 #include "treemarch/repair/neighbourhood.h"
+#include "treemarch/repair/parts_of_components.h"
 #include "treemarch/repair/strays.h"
 #include "treemarch/repair/unpinch.h"
 #include "treemarch/topology/component_fates.h"
@@ -70,7 +71,7 @@ class Repairer {
       const bool sound = pinches.empty() && broken.empty() && strays.empty();
       if (!sound && report_.rounds < options_.rounds) {
         ++report_.rounds;
-        if (mend(broken, strays, components)) continue;
+        if (mend(broken, strays, components, fates)) continue;
       }
       report_.anchors = keep_apart<Dim>(fates, broken, changed_, mesh_, execution_);
       restored_.insert(restored_.end(), small.begin(), small.end());
@@ -149,7 +150,7 @@ class Repairer {
   /// \return whether to look again: a way that joins two parts may disconnect others, and moves at pinches may lead to
   /// the rim of what is worked on.
   bool mend(const BrokenComponents<Dim>& broken, const std::vector<Stray>& strays,
-            const MeshComponents<Dim>& components) {
+            const MeshComponents<Dim>& components, const ComponentFates& fates) {
     Marks at_pinch(mesh_.points.size());
     for (const MeshPinch& p : components.pinches()) at_pinch.mark(p.vertex);
     std::vector<VertexId> pinched = at_pinch.vertices();
@@ -176,6 +177,8 @@ class Repairer {
     report_.relabelled_cells += std::ssize(changed_);
     for (const HeldAnchor& r : mended.restored) mended.surely_whole &= patch.material(r.cell) == r.anchor.material;
     restored_.insert(restored_.end(), mended.restored.begin(), mended.restored.end());
+    std::ranges::sort(changed_);
+    mended.surely_whole = mended.surely_whole && !took_another(patch, broken, fates);
     if (!unpinched.confined && (changed_.empty() || mended.surely_whole)) return false;
     Marks changed(mesh_.points.size());
     for (const CellId c : mended.relabelled)
@@ -183,6 +186,40 @@ class Repairer {
     if (left_out_ != nullptr)
       left_out_->append_at(mesh_, changed, execution_);  // ways may lead to the rim of the patch
     return true;
+  }
+
+  /// Whether a cell with another material than before came to hold a voxel of a component that, as far as can be seen
+  /// from nearby, lies in another part of that material.
+  bool took_another(const Patch<Dim>& patch, const BrokenComponents<Dim>& broken, const ComponentFates& fates) const {
+    const PartsOfComponents parts(fates, broken);
+    const VoxelCentres<Dim> centres(image_);
+    // What changed cells belonged to says nothing: the way leads over them.
+    std::vector<CellId> way;
+    const auto is_beside = [&](CellId c, std::uint32_t component) {
+      way.assign(1, c);
+      for (std::size_t i = 0; i < way.size(); ++i)
+        for (int corner = 0; corner <= Dim; ++corner) {
+          const CellId next = patch.neighbour(way[i], corner);
+          if (next == Patch<Dim>::kNoCell || patch.material(next) != patch.material(c)) continue;
+          const std::uint32_t part = broken.components->of(0, next);
+          const bool is_changed = std::ranges::binary_search(changed_, next);
+          if (!is_changed && !parts.is_elsewhere(component, part)) return true;
+          if (is_changed && std::ranges::find(way, next) == way.end()) way.push_back(next);
+        }
+      return false;
+    };
+    return std::ranges::any_of(changed_, [&](CellId c) {
+      Simplex<Dim> simplex;
+      for (int k = 0; k <= Dim; ++k) simplex[k] = patch.point(patch.cell(c)[k]);
+      bool another = false;
+      centres.visit(
+          simplex, [&](std::int64_t voxel) { return image_.voxels[voxel] == patch.material(c); },
+          [&](std::int64_t voxel) {
+            const std::uint32_t component = map_.of(voxel);
+            another = another || (required_[component] != 0 && !fates.of[component].lost() && !is_beside(c, component));
+          });
+      return another;
+    });
   }
 
   Mesh<Dim>& mesh_;

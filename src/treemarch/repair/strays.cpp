@@ -31,6 +31,20 @@ bool hold_voxels(const LabelImage<Dim>& image, const Mesh<Dim>& mesh, std::span<
   return false;
 }
 
+/// Whether there are cells of their material beside some cells: a way to another part may lead over them.
+template <int Dim>
+bool is_joined(std::span<const CellId> cells, const Patch<Dim>& patch) {
+  return std::ranges::any_of(cells, [&](CellId c) {
+    for (int corner = 0; corner <= Dim; ++corner) {
+      const CellId next = patch.neighbour(c, corner);
+      if (next != Patch<Dim>::kNoCell && patch.material(next) == patch.material(c) &&
+          std::ranges::find(cells, next) == cells.end())
+        return true;
+    }
+    return false;
+  });
+}
+
 /// A material beside some cells.
 struct Beside {
   MaterialId material;
@@ -87,7 +101,9 @@ std::vector<CellId> relabel_strays(const std::vector<Stray>& strays, const MeshC
   std::vector<VertexId> around;
   for (const Stray& stray : strays) {
     const MaterialId own = patch.material(stray.cells[0]);
-    if (std::ranges::any_of(stray.cells, [&](CellId c) { return patch.material(c) != own; })) continue;
+    if (std::ranges::any_of(stray.cells, [&](CellId c) { return patch.material(c) != own; }) ||
+        is_joined<Dim>(stray.cells, patch))
+      continue;
     around.clear();
     for (const CellId c : stray.cells) {
       const SimplexVertices<Dim> v = patch.cell(c);
