@@ -1,6 +1,7 @@
 // The program `treemarch`: reads the command line, runs a subcommand, turns errors into one line and an exit code.
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <csignal>
 #include <cstdio>
 #include <exception>
 #include <new>
@@ -32,8 +33,8 @@ int run(const treemarch::app::Command& command) {
   } catch (const treemarch::Cancelled&) {
     return fail("interrupted; nothing was written", kInterrupted);
   } catch (const std::bad_alloc&) {
-    if (treemarch::app::reserved_scratch_bytes() > 0)
-      return fail("out of room on the disk for what exceeds --max-memory; name another folder (--scratch)",
+    if (treemarch::app::is_scratch_full())
+      return fail("--scratch: the disk has no room for what exceeds --max-memory; name another folder",
                   static_cast<int>(ErrorKind::limits));
     return fail("out of memory; choose larger cells (--min-size) or a part of the image (--roi)",
                 static_cast<int>(ErrorKind::limits));
@@ -45,6 +46,7 @@ int run(const treemarch::app::Command& command) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  std::signal(SIGXFSZ, SIG_IGN);  // writing beyond a limit of files (ulimit -f) fails instead
   CLI::App app{"Finite-element meshes from segmented images"};
   app.name("treemarch");
   app.set_version_flag("--version", treemarch::version());

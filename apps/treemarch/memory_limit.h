@@ -30,6 +30,9 @@ std::optional<MemoryLimit> memory_limit(const MemoryOptions& options, const std:
 /// threads. \throw Error(output) if the folder cannot hold the file
 void apply(const MemoryLimit& limit);
 
+/// Whether the disk had no room for something.
+bool is_scratch_full();
+
 /// Bytes that the file has taken of the disk; 0 where nothing exceeded the limit.
 std::int64_t reserved_scratch_bytes();
 

@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "commands.h"
+#include "memory_limit.h"
 #include "options.h"
 #include "terminal.h"
 #include "treemarch/core/error.h"
@@ -24,6 +25,7 @@ struct SliceOptions {
   double time = 0;
   std::int32_t background = 0;
   bool force = false;
+  MemoryOptions memory;
   int threads = 0;
 };
 
@@ -72,6 +74,7 @@ void slice(const Mesh<Dim>& mesh, const MeshRecord& record, const SliceOptions& 
 }
 
 void run(const SliceOptions& options) {
+  if (const auto limit = memory_limit(options.memory, options.output)) apply(*limit);
   Execution execution(options.threads);
   const Terminal terminal(execution, false);
   check_mesh_path(options.output, options.force);
@@ -98,6 +101,7 @@ void add_slice_command(CLI::App& app, Command& command) {
       ->capture_default_str();
   slice->add_flag("--force", options->force, "Replace files that exist");
   add_threads_option(*slice, options->threads);
+  add_memory_options(*slice, options->memory);
   slice->callback([options, &command] { command = [options] { run(*options); }; });
 }
 

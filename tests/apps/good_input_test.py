@@ -15,7 +15,7 @@ import vtk
 from vtk.util.numpy_support import vtk_to_numpy
 
 import files
-from program import PROGRAM, ProgramTest
+from program import PROGRAM, ProgramTest, in_memory
 
 
 def read_vtu(path):
@@ -329,6 +329,7 @@ class Meshes(ProgramTest):
         self.assertNotEqual((self.dir / "m.vtu").read_bytes(), first, "the command line wins")
 
 
+@unittest.skipIf(in_memory(os.getcwd()), "no disk to put memory on")
 class LittleMemory(ProgramTest):
     def test_what_exceeds_the_limit_is_kept_on_a_disk(self):
         grid = np.indices((150, 150, 150))

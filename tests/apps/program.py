@@ -9,6 +9,12 @@ import unittest
 PROGRAM = os.environ["TREEMARCH"]
 
 
+def in_memory(folder):
+    """Whether the files of a folder lie in memory."""
+    done = subprocess.run(["stat", "-f", "-c", "%T", folder], capture_output=True, text=True, check=True)
+    return done.stdout.strip() in ("tmpfs", "ramfs")
+
+
 class ProgramTest(unittest.TestCase):
     def setUp(self):
         scratch = tempfile.TemporaryDirectory()

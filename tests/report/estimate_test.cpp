@@ -111,7 +111,7 @@ TEST(Estimate, ADiskHoldsTheRestIfItHasTheRoom) {
     FAIL();
   } catch (const Error& e) {
     EXPECT_EQ(e.kind(), ErrorKind::limits);
-    EXPECT_NE(std::string(e.what()).find("4.2 GB, for which 3.5 GB are free in place"), std::string::npos) << e.what();
+    EXPECT_NE(std::string(e.what()).find("3.8 GB, for which 3.5 GB are free in place"), std::string::npos) << e.what();
   }
 }
 

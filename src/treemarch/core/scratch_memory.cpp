@@ -24,24 +24,25 @@ using namespace std::chrono_literals;
 constexpr auto kInterval = 500us;
 // What threads may touch between two looks.
 constexpr std::int64_t kMargin = std::int64_t{1} << 27;
-constexpr std::size_t kGranularity = 64;                  // of extents
-constexpr std::size_t kHeader = kGranularity;             // before what is handed out: the bytes of the extent
-constexpr std::size_t kStep = std::size_t{1} << 26;       // by which the file grows
-constexpr std::size_t kForgotten = std::size_t{1} << 20;  // extents that are worth a call to the system
+constexpr std::size_t kMostMapped = std::size_t{1} << 44;  // leaves most of the addresses to others
+constexpr std::size_t kGranularity = 64;                   // of extents
+constexpr std::size_t kHeader = kGranularity;              // before what is handed out: the bytes of the extent
+constexpr std::size_t kStep = std::size_t{1} << 26;        // by which the file grows
+constexpr std::size_t kForgotten = std::size_t{1} << 20;   // extents that are worth a call to the system
 
 std::size_t page_bytes() {
   static const auto bytes = static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
   return bytes;
 }
 
-[[noreturn]] void fail(const std::string& folder, const char* what) {
-  throw Error(ErrorKind::output, folder + ": " + what + "; name a folder on a disk (--scratch)");
+[[noreturn]] void fail(const std::string& folder, const std::string& what) {
+  throw Error(ErrorKind::output, folder + ": " + what + "; name another folder on a disk (--scratch)");
 }
 
 int open_unnamed(const std::string& folder) {
   std::string name = folder + "/treemarch-scratch-XXXXXX";
-  const int file = ::mkstemp(name.data());
-  if (file < 0) fail(folder, "holds no file for what exceeds the memory");
+  const int file = ::mkostemp(name.data(), O_CLOEXEC);
+  if (file < 0) fail(folder, std::string("holds no file for what exceeds the memory: ") + std::strerror(errno));
   ::unlink(name.c_str());
   return file;
 }
@@ -67,19 +68,30 @@ Resident resident_bytes(int statm) {
 
 }  // namespace
 
-ScratchMemory::ScratchMemory(const std::string& folder, std::int64_t most_resident) : file_(open_unnamed(folder)) {
-  const bool is_memory = !is_on_disk(folder);
-  size_ = static_cast<std::size_t>(free_disk_bytes(folder));
-  // The file grows into what is mapped.
-  void* mapped = MAP_FAILED;
-  if (!is_memory && size_ > 0)
-    mapped = ::mmap(nullptr, size_, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_NORESERVE, file_, 0);
-  if (mapped == MAP_FAILED) {
+ScratchMemory::ScratchMemory(const std::string& folder, std::int64_t most_resident) {
+  if (!is_on_disk(folder)) fail(folder, "is itself in memory");
+  file_ = open_unnamed(folder);
+  try {
+    map(folder);
+    watcher_ = std::jthread([this, most_resident](const std::stop_token& stop) { watch(stop, most_resident); });
+  } catch (...) {
     ::close(file_);
-    fail(folder, is_memory ? "is itself in memory" : "holds no file for what exceeds the memory");
+    throw;
   }
-  begin_ = static_cast<std::byte*>(mapped);
-  watcher_ = std::jthread([this, most_resident](const std::stop_token& stop) { watch(stop, most_resident); });
+}
+
+/// Room for all that the disk has, as far as there are addresses. The file grows into it.
+void ScratchMemory::map(const std::string& folder) {
+  size_ = std::min(static_cast<std::size_t>(free_disk_bytes(folder)), kMostMapped);
+  for (; size_ >= kStep; size_ /= 2) {
+    void* const mapped = ::mmap(nullptr, size_, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_NORESERVE, file_, 0);
+    if (mapped != MAP_FAILED) {
+      begin_ = static_cast<std::byte*>(mapped);
+      return;
+    }
+    if (errno != ENOMEM) fail(folder, std::string("its files cannot be mapped: ") + std::strerror(errno));
+  }
+  fail(folder, "has no room, or this process no addresses (ulimit -v), for what exceeds the memory");
 }
 
 ScratchMemory::~ScratchMemory() {
@@ -91,16 +103,19 @@ ScratchMemory::~ScratchMemory() {
 
 void* ScratchMemory::allocate(std::size_t bytes) noexcept try {
   const std::size_t whole = (bytes + kHeader + kGranularity - 1) / kGranularity * kGranularity;
-  const std::scoped_lock lock(mutex_);
-  if ((by_size_.empty() || by_size_.rbegin()->first < whole) && !reserve(whole)) return nullptr;
-  std::byte* const p = begin_ + take(whole);
-  std::memcpy(p, &whole, sizeof whole);
+  std::byte* p = nullptr;
+  {
+    const std::scoped_lock lock(mutex_);
+    if ((by_size_.empty() || by_size_.rbegin()->first < whole) && !reserve(whole)) return nullptr;
+    p = begin_ + take(whole);
+  }
+  std::memcpy(p, &whole, sizeof whole);  // may wait for the disk
   return p + kHeader;
 } catch (const std::bad_alloc&) {
   return nullptr;
 }
 
-void ScratchMemory::release(void* p) noexcept {
+void ScratchMemory::release(void* p) noexcept try {
   std::byte* const begin = static_cast<std::byte*>(p) - kHeader;
   std::size_t bytes = 0;
   std::memcpy(&bytes, begin, sizeof bytes);
@@ -110,6 +125,7 @@ void ScratchMemory::release(void* p) noexcept {
     ::fallocate(file_, FALLOC_FL_ZERO_RANGE | FALLOC_FL_KEEP_SIZE, static_cast<off_t>(at), static_cast<off_t>(bytes));
   const std::scoped_lock lock(mutex_);
   give(at, bytes);
+} catch (const std::bad_alloc&) {  // the room is not used again
 }
 
 /// The first bytes of the smallest free extent that has room, and of several the first one.
@@ -125,15 +141,21 @@ std::size_t ScratchMemory::take(std::size_t bytes) {
   return at;
 }
 
-/// Adds to what is free.
+/// Makes an extent of so many bytes free at the end of the file, if the disk has room.
 bool ScratchMemory::reserve(std::size_t bytes) {
-  const std::size_t step = std::min(std::max(bytes, kStep), size_ - reserved_);
-  // Without blocks on the disk, writing to a page could end the process.
-  if (step < bytes || ::posix_fallocate(file_, static_cast<off_t>(reserved_), static_cast<off_t>(step)) != 0)
-    return false;
-  reserved_ += step;
-  give(reserved_ - step, step);
-  return true;
+  const std::size_t end = reserved_;
+  const auto last = free_.empty() ? free_.end() : std::prev(free_.end());
+  const std::size_t at_end = last != free_.end() && last->first + last->second == end ? last->second : 0;
+  const std::size_t missing = bytes - at_end;
+  for (const std::size_t step : {std::max(missing, kStep), missing}) {
+    // Without blocks on the disk, writing to a page would end the process.
+    if (step > size_ - end || ::posix_fallocate(file_, static_cast<off_t>(end), static_cast<off_t>(step)) != 0)
+      continue;
+    reserved_ = end + step;
+    give(end, step);
+    return true;
+  }
+  return false;
 }
 
 /// Joins an extent with what is free on both sides.
@@ -155,11 +177,6 @@ void ScratchMemory::give(std::size_t at, std::size_t bytes) {
   }
   free_.emplace(at, bytes);
   by_size_.emplace(bytes, at);
-}
-
-std::int64_t ScratchMemory::reserved() const {
-  const std::scoped_lock lock(mutex_);
-  return static_cast<std::int64_t>(reserved_);
 }
 
 void ScratchMemory::watch(const std::stop_token& stop, std::int64_t most_resident) const {

@@ -2,6 +2,7 @@
 /// Memory on a disk: what does not fit beside the rest of a process.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <map>
@@ -27,7 +28,8 @@ class ScratchMemory {
   ScratchMemory(const ScratchMemory&) = delete;
   ScratchMemory& operator=(const ScratchMemory&) = delete;
 
-  /// \return memory for any type without an alignment of its own, or nullptr where the disk is full
+  /// \return memory for any type without an alignment of its own, or nullptr where the disk is full; allocations from
+  /// then on may still find what was released
   [[nodiscard]] void* allocate(std::size_t bytes) noexcept;
   [[nodiscard]] bool owns(const void* p) const noexcept {
     const auto at = static_cast<const std::byte*>(p);
@@ -36,11 +38,12 @@ class ScratchMemory {
   /// \pre p came from allocate() and was not released since
   void release(void* p) noexcept;
   /// Bytes of the disk that are taken, the most so far.
-  [[nodiscard]] std::int64_t reserved() const;
+  [[nodiscard]] std::int64_t reserved() const { return static_cast<std::int64_t>(reserved_.load()); }
 
  private:
   using Extents = std::map<std::size_t, std::size_t>;  // bytes by first byte
 
+  void map(const std::string& folder);
   std::size_t take(std::size_t bytes);
   [[nodiscard]] bool reserve(std::size_t bytes);
   void give(std::size_t at, std::size_t bytes);
@@ -48,9 +51,9 @@ class ScratchMemory {
 
   int file_ = -1;
   std::byte* begin_ = nullptr;
-  std::size_t size_ = 0;  // of what is mapped
-  mutable std::mutex mutex_;
-  std::size_t reserved_ = 0;
+  std::size_t size_ = 0;                                   // of what is mapped
+  std::mutex mutex_;                                       // for all that follows
+  std::atomic<std::size_t> reserved_{0};                   // read without it
   Extents free_;                                           // of what is reserved; no two touch
   std::set<std::pair<std::size_t, std::size_t>> by_size_;  // the same as bytes and first byte
   std::jthread watcher_;                                   // last: ends before what it looks at

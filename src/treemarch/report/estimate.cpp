@@ -22,7 +22,7 @@ constexpr double kCellsPerArea[] = {0, 0, 20, 38};  // of interfaces, in units o
 constexpr double kBytesPerCell = 55;
 constexpr double kBytesPerVoxel = 2.5;  // beside the image
 constexpr double kBytesAlways = 50e6;
-constexpr double kScratchPerMemory = 1.4;  // with a seventh to a third of the memory; pieces leave gaps
+constexpr double kScratchPerMemory = 1.5;  // beyond half of what may be used; pieces leave gaps
 
 }  // namespace
 
@@ -141,7 +141,7 @@ void require_memory(const MeshEstimate& estimate, std::int64_t most) {
 }
 
 void require_disk(const MeshEstimate& estimate, std::int64_t most, std::int64_t room, const std::string& folder) {
-  const double file = kScratchPerMemory * static_cast<double>(estimate.memory_bytes);
+  const double file = kScratchPerMemory * static_cast<double>(estimate.memory_bytes - most / 2);
   if (estimate.memory_bytes <= most || file <= static_cast<double>(room)) return;
   char disk[96];
   std::snprintf(disk, sizeof disk, ", with a file of %.1f GB, for which %.1f GB are free in ", file / 1e9,
