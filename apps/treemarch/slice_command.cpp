@@ -33,11 +33,11 @@ struct SliceOptions {
 template <int Dim>
 Frame<Dim> frame_of(const MeshRecord& record) {
   Frame<Dim> frame;
-  const int side = std::max(Dim + 1, 3) + 1;
-  if (record.affine.size() != static_cast<std::size_t>(side * side)) return frame;
+  constexpr std::size_t kSide = std::max(Dim + 1, 3) + 1;
+  if (record.affine.size() != kSide * kSide) return frame;
   for (int c = 0; c < Dim; ++c) {
-    for (int r = 0; r < Dim; ++r) frame.direction[c][r] = record.affine[static_cast<std::size_t>(r * side + c)];
-    frame.origin[c] = record.affine[static_cast<std::size_t>(c * side + side - 1)];
+    for (int r = 0; r < Dim; ++r) frame.direction[c][r] = record.affine[r * kSide + c];
+    frame.origin[c] = record.affine[c * kSide + kSide - 1];
     frame.spacing[c] = norm(frame.direction[c]);
     frame.direction[c] = (1 / frame.spacing[c]) * frame.direction[c];
   }

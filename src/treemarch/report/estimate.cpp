@@ -141,7 +141,7 @@ void require_memory(const MeshEstimate& estimate, std::int64_t most) {
 }
 
 void require_disk(const MeshEstimate& estimate, std::int64_t most, std::int64_t room, const std::string& folder) {
-  const double file = kScratchPerMemory * static_cast<double>(estimate.memory_bytes - most / 2);
+  const double file = kScratchPerMemory * (static_cast<double>(estimate.memory_bytes) - static_cast<double>(most) / 2);
   if (estimate.memory_bytes <= most || file <= static_cast<double>(room)) return;
   char disk[96];
   std::snprintf(disk, sizeof disk, ", with a file of %.1f GB, for which %.1f GB are free in ", file / 1e9,
