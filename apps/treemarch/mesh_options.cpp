@@ -23,11 +23,11 @@ int parse_balance(const std::string& text) {
 /// The order of separation: a name, or the labels that come first.
 template <int Dim>
 void parse_order(const std::string& text, const LabelTable& table, const LabelImage<Dim>& image, MeshOptions& options) {
-  static const std::map<std::string, MaterialOrder> kNames = {{"largest", MaterialOrder::largest},
-                                                              {"smallest", MaterialOrder::smallest},
-                                                              {"label", MaterialOrder::label},
-                                                              {"image", MaterialOrder::image}};
-  if (const auto named = kNames.find(text); named != kNames.end()) {
+  static const std::map<std::string, MaterialOrder> names = {{"largest", MaterialOrder::largest},
+                                                             {"smallest", MaterialOrder::smallest},
+                                                             {"label", MaterialOrder::label},
+                                                             {"image", MaterialOrder::image}};
+  if (const auto named = names.find(text); named != names.end()) {
     options.order = named->second;
     return;
   }
