@@ -130,6 +130,7 @@ class Unpincher {
 
   bool treat(VertexId v);
   void list_parts(VertexId v);
+  void propose_to_others(std::span<const std::size_t> places);  // in the star
   void propose_parts();
   void propose_along_edges(VertexId v);
   void propose_cells();
@@ -149,6 +150,8 @@ class Unpincher {
   std::vector<std::array<int, Dim>> beside_;  // the cells of the star beside each of them at the facets at v, or -1
   std::vector<int> part_;  // of each cell of the star: cells of one material that hang together over facets at v
   int parts_ = 0;
+  std::vector<CellId> cells_;
+  std::vector<MaterialId> others_;
   std::vector<Move> moves_;
   std::vector<std::pair<VertexId, int>> before_;
   std::vector<VertexId> touched_;
@@ -230,22 +233,29 @@ void Unpincher<Dim>::propose(std::span<const CellId> cells, MaterialId to) {
   moves_.push_back(std::move(move));
 }
 
+/// Moves of cells of one part to each of the materials beside them.
+template <int Dim>
+void Unpincher<Dim>::propose_to_others(std::span<const std::size_t> places) {
+  cells_.clear();
+  others_.clear();
+  for (const std::size_t i : places) {
+    cells_.push_back(star_[i]);
+    for (const int next : beside_[i])
+      if (next >= 0 && part_[next] != part_[i]) others_.push_back(patch_.material(star_[next]));
+  }
+  std::ranges::sort(others_);
+  others_.erase(std::unique(others_.begin(), others_.end()), others_.end());
+  for (const MaterialId to : others_) propose(cells_, to);
+}
+
 template <int Dim>
 void Unpincher<Dim>::propose_parts() {
-  std::vector<CellId> cells;
-  std::vector<MaterialId> others;
+  std::vector<std::size_t> places;
   for (int p = 0; p < parts_; ++p) {
-    cells.clear();
-    others.clear();
-    for (std::size_t i = 0; i < star_.size(); ++i) {
-      if (part_[i] != p) continue;
-      cells.push_back(star_[i]);
-      for (const int next : beside_[i])
-        if (next >= 0 && part_[next] != p) others.push_back(patch_.material(star_[next]));
-    }
-    std::ranges::sort(others);
-    others.erase(std::unique(others.begin(), others.end()), others.end());
-    for (const MaterialId to : others) propose(cells, to);
+    places.clear();
+    for (std::size_t i = 0; i < star_.size(); ++i)
+      if (part_[i] == p) places.push_back(i);
+    propose_to_others(places);
   }
 }
 
@@ -254,37 +264,23 @@ template <int Dim>
 void Unpincher<Dim>::propose_along_edges(VertexId v) {
   std::vector<VertexId> rim;
   for (const CellId c : star_) add_vertices<Dim>(patch_.cell(c), rim);
-  std::vector<CellId> cells;
-  std::vector<MaterialId> others;
+  std::vector<std::size_t> places;
   for (const VertexId w : rim) {
     if (w == v) continue;
     for (int p = 0; p < parts_; ++p) {
-      cells.clear();
-      others.clear();
+      places.clear();
       for (std::size_t i = 0; i < star_.size(); ++i) {
         const SimplexVertices<Dim> cell = patch_.cell(star_[i]);
-        if (part_[i] != p || std::ranges::find(cell, w) == cell.end()) continue;
-        cells.push_back(star_[i]);
-        for (const int next : beside_[i])
-          if (next >= 0 && part_[next] != p) others.push_back(patch_.material(star_[next]));
+        if (part_[i] == p && std::ranges::find(cell, w) != cell.end()) places.push_back(i);
       }
-      std::ranges::sort(others);
-      others.erase(std::unique(others.begin(), others.end()), others.end());
-      for (const MaterialId to : others) propose(cells, to);
+      propose_to_others(places);
     }
   }
 }
 
 template <int Dim>
 void Unpincher<Dim>::propose_cells() {
-  for (std::size_t i = 0; i < star_.size(); ++i) {
-    std::vector<MaterialId> others;
-    for (const int next : beside_[i])
-      if (next >= 0 && part_[next] != part_[i]) others.push_back(patch_.material(star_[next]));
-    std::ranges::sort(others);
-    others.erase(std::unique(others.begin(), others.end()), others.end());
-    for (const MaterialId to : others) propose(std::span(&star_[i], 1), to);
-  }
+  for (std::size_t i = 0; i < star_.size(); ++i) propose_to_others(std::span(&i, 1));
 }
 
 template <int Dim>
