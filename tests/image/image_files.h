@@ -2,12 +2,16 @@
 /// Image files made byte by byte, so that readers are tested against the formats and not against their own libraries.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <array>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <limits>
 #include <span>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "treemarch/core/error.h"
@@ -45,6 +49,21 @@ Bytes bytes_of_all(const std::vector<T>& values, bool big_endian = false) {
   Bytes b;
   for (const T v : values) b += bytes_of(v, big_endian);
   return b;
+}
+
+/// The element types that images may have.
+using SampleTypes = ::testing::Types<std::int8_t, std::uint8_t, std::int16_t, std::uint16_t, std::int32_t,
+                                     std::uint32_t, std::int64_t, std::uint64_t, float, double>;
+
+/// Numbers of voxels of an image: small ones, but for a few that show whether a reader cuts off bits of the type.
+template <class T>
+std::vector<T> telling_values(std::size_t n) {
+  std::vector<T> values(n);
+  for (std::size_t i = 0; i < n; ++i) values[i] = static_cast<T>(i % 90);
+  if (std::numeric_limits<T>::is_signed) values[3] = static_cast<T>(-1);
+  if (sizeof(T) >= 4) values[4] = static_cast<T>(70000);
+  if (sizeof(T) >= 4 && !std::is_same_v<T, float>) values[5] = static_cast<T>(std::numeric_limits<std::int32_t>::max());
+  return values;
 }
 
 Bytes gzip(const Bytes& plain);

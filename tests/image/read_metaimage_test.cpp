@@ -43,18 +43,11 @@ Bytes deflated(const Bytes& plain) {
 
 template <class T>
 class MetaTypes : public ::testing::Test {};
-using SampleTypes = ::testing::Types<std::int8_t, std::uint8_t, std::int16_t, std::uint16_t, std::int32_t,
-                                     std::uint32_t, std::int64_t, std::uint64_t, float, double>;
 TYPED_TEST_SUITE(MetaTypes, SampleTypes);
 
 TYPED_TEST(MetaTypes, LocalDetachedAndCompressed) {
   const TemporaryFolder folder;
-  std::vector<TypeParam> values(24);
-  for (std::size_t i = 0; i < 24; ++i) values[i] = static_cast<TypeParam>(i % 5);
-  if (std::numeric_limits<TypeParam>::is_signed) values[3] = static_cast<TypeParam>(-1);
-  if (sizeof(TypeParam) >= 4) values[4] = static_cast<TypeParam>(70000);
-  if (sizeof(TypeParam) >= 4 && !std::is_same_v<TypeParam, float>)
-    values[5] = static_cast<TypeParam>(std::numeric_limits<std::int32_t>::max());
+  const std::vector<TypeParam> values = telling_values<TypeParam>(24);
   const std::vector<std::int64_t> expected(values.begin(), values.end());
   const std::string type = meta_type<TypeParam>();
   for (const bool big_endian : {false, true}) {

@@ -22,17 +22,12 @@ TiffOptions options_for() {
 
 template <class T>
 class TiffTypes : public ::testing::Test {};
-using SampleTypes = ::testing::Types<std::int8_t, std::uint8_t, std::int16_t, std::uint16_t, std::int32_t,
-                                     std::uint32_t, std::int64_t, std::uint64_t, float, double>;
 TYPED_TEST_SUITE(TiffTypes, SampleTypes);
 
 TYPED_TEST(TiffTypes, StripsTilesByteOrdersCompressionsAndPages) {
   const TemporaryFolder folder;
   constexpr unsigned kWidth = 37, kHeight = 21;
-  std::vector<TypeParam> values(kWidth * kHeight);
-  for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<TypeParam>(i / 8 % 90);
-  if (sizeof(TypeParam) >= 4) values[4] = static_cast<TypeParam>(70000);
-  if (std::numeric_limits<TypeParam>::is_signed) values[5] = static_cast<TypeParam>(-1);
+  const std::vector<TypeParam> values = telling_values<TypeParam>(kWidth * kHeight);
   std::vector<std::int64_t> expected(values.begin(), values.end());
   const std::string path = folder.path("a.tif");
   for (const bool big_endian : {false, true})
