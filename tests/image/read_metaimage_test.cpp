@@ -47,7 +47,7 @@ TYPED_TEST_SUITE(MetaTypes, SampleTypes);
 
 TYPED_TEST(MetaTypes, LocalDetachedAndCompressed) {
   const TemporaryFolder folder;
-  const std::vector<TypeParam> values = telling_values<TypeParam>(24);
+  const std::vector<TypeParam> values = with_wide_values(counted<TypeParam>(24));
   const std::vector<std::int64_t> expected(values.begin(), values.end());
   const std::string type = meta_type<TypeParam>();
   for (const bool big_endian : {false, true}) {

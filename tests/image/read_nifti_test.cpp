@@ -18,13 +18,6 @@ using ::testing::IsEmpty;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-template <class T>
-std::vector<T> counted(std::size_t n) {
-  std::vector<T> values(n);
-  for (std::size_t i = 0; i < n; ++i) values[i] = static_cast<T>(i % 7);
-  return values;
-}
-
 /// An oblique, left-handed and sheared affine, exact in float.
 NiftiFile with_sform() {
   NiftiFile file;
@@ -41,7 +34,7 @@ TYPED_TEST_SUITE(NiftiTypes, SampleTypes);
 
 TYPED_TEST(NiftiTypes, BothVersionsByteOrdersAndCompressions) {
   const TemporaryFolder folder;
-  const std::vector<TypeParam> values = telling_values<TypeParam>(24);
+  const std::vector<TypeParam> values = with_wide_values(counted<TypeParam>(24));
   const std::vector<std::int64_t> expected(values.begin(), values.end());
   for (const int version : {1, 2})
     for (const bool big_endian : {false, true}) {

@@ -40,7 +40,7 @@ TYPED_TEST_SUITE(NrrdTypes, SampleTypes);
 
 TYPED_TEST(NrrdTypes, EncodingsAndByteOrders) {
   const TemporaryFolder folder;
-  const std::vector<TypeParam> values = telling_values<TypeParam>(24);
+  const std::vector<TypeParam> values = with_wide_values(counted<TypeParam>(24));
   const std::vector<std::int64_t> expected(values.begin(), values.end());
   const std::string type = nrrd_type<TypeParam>();
   for (const bool big_endian : {false, true}) {
