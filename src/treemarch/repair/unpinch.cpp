@@ -150,8 +150,8 @@ class Unpincher {
   std::vector<std::array<int, Dim>> beside_;  // the cells of the star beside each of them at the facets at v, or -1
   std::vector<int> part_;  // of each cell of the star: cells of one material that hang together over facets at v
   int parts_ = 0;
-  std::vector<CellId> cells_;
-  std::vector<MaterialId> others_;
+  std::vector<CellId> cells_;       // of the moves that propose_to_others() looks at
+  std::vector<MaterialId> others_;  // where they go
   std::vector<Move> moves_;
   std::vector<std::pair<VertexId, int>> before_;
   std::vector<VertexId> touched_;
